@@ -1,0 +1,1 @@
+"""Detect and follow targets too quiet to threshold, from raw sensor data."""

@@ -1,0 +1,170 @@
+r"""What is believed about at most one target: where it is if it is there, and whether it is there.
+
+A belief is weighted points (grid cells or particles) and the log odds of existence. Every sensor enters through one
+number a point, the log of the measurement likelihood ratio
+:math:`\ell(z|x) = p(z \mid \text{target at } x) / p(z \mid \text{no target})`, and there is one rule:
+
+.. math::
+    I = \sum_i w_i \, \ell(z|x_i), \qquad w_i \leftarrow w_i \, \ell(z|x_i) / I, \qquad
+    \frac{q}{1 - q} \leftarrow \frac{q}{1 - q} I
+
+which is the measurement update of the Bernoulli filter (bosser2022, eq. 2-3) and of the likelihood ratio recursion
+(stone2002, eq. 15-28). Everything stays in logarithms: one scan can change a ratio by e^88 and more.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+class Belief(eqx.Module):
+    """Weighted points and log odds of existence.
+
+    Attributes
+    ----------
+    states : named components that broadcast to the shape of `log_weights`.
+    log_weights : natural log of each point's probability given that the target exists; sums to 1 in probability.
+    log_odds : natural log of q / (1 - q), q the probability that the target exists.
+    time : of the last prediction; seconds.
+    born : time at which the target of each point appeared, seconds; None for points without a history.
+    """
+
+    states: Any
+    log_weights: Float[Array, "*points"]
+    log_odds: Float[Array, ""]
+    time: Float[Array, ""]
+    born: Float[Array, "*points"] | None = None
+
+    @property
+    def existence(self) -> Float[Array, ""]:
+        """Probability that the target exists."""
+        return jax.nn.sigmoid(self.log_odds)
+
+
+def update(belief: Belief, log_ratio: Float[Array, "*points"] | Float[Array, "..."]) -> tuple[Belief, Float[Array, ""]]:
+    r"""Take in one scan through its log likelihood ratio at every point.
+
+    Parameters
+    ----------
+    belief : predicted to the time of the scan.
+    log_ratio : natural log of p(scan | target at point) / p(scan | no target); broadcasts to the points.
+
+    Returns
+    -------
+    The updated belief, and the log evidence :math:`\log I`, the log of the mean ratio over the belief.
+
+    Raises
+    ------
+    ValueError : the ratio does not broadcast to the points.
+
+    Examples
+    --------
+    >>> belief = Belief(states=None, log_weights=jnp.log(jnp.array([0.5, 0.5])), log_odds=jnp.array(0.0),
+    ...                 time=jnp.array(0.0))
+    >>> belief, log_evidence = update(belief, jnp.log(jnp.array([3.0, 1.0])))
+    >>> [round(float(x), 4) for x in (jnp.exp(log_evidence), belief.existence, jnp.exp(belief.log_weights[0]))]
+    [2.0, 0.6667, 0.75]
+    """
+    points = belief.log_weights.shape
+    try:
+        fits = jnp.broadcast_shapes(log_ratio.shape, points) == points
+    except ValueError:
+        fits = False
+    if not fits:
+        raise ValueError(
+            f"log_ratio has shape {log_ratio.shape}; the belief has {points}. "
+            "Give one value per point: likelihood.log_ratio(scan, belief.states)."
+        )
+    log_joint = belief.log_weights + log_ratio
+    log_evidence = jax.nn.logsumexp(log_joint)
+    updated = dataclasses.replace(belief, log_weights=log_joint - log_evidence, log_odds=belief.log_odds + log_evidence)
+    return updated, log_evidence
+
+
+def mean(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Any:
+    """Mean state; angles are averaged on the circle.
+
+    Parameters
+    ----------
+    belief : points with named states; components in the state's `angles` are averaged as directions.
+    weights : probability of each point, summing to 1; the belief's own where not given.
+
+    Returns
+    -------
+    A state whose components are scalars.
+
+    Examples
+    --------
+    >>> from faintrack.targets.states import BearingState
+    >>> states = BearingState(bearing=jnp.array([3.1, -3.1]), bearing_rate=jnp.zeros(2), snr_db=jnp.array([-3.0, -5.0]))
+    >>> belief = Belief(states, jnp.log(jnp.full(2, 0.5)), jnp.array(0.0), jnp.array(0.0))
+    >>> middle = mean(belief)
+    >>> round(abs(float(middle.bearing)), 4), float(middle.snr_db)
+    (3.1416, -4.0)
+    """
+    weights = jnp.exp(belief.log_weights) if weights is None else weights
+
+    def average(name: str, values: Array) -> Array:
+        if name in belief.states.angles:
+            return jnp.arctan2(jnp.sum(weights * jnp.sin(values)), jnp.sum(weights * jnp.cos(values)))
+        return jnp.sum(weights * values)
+
+    return _by_component(belief.states, average)
+
+
+def covariance(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Float[Array, "component component"]:
+    """Covariance of the state's components in their order, about `mean`; angles by the shorter way round.
+
+    Parameters and shapes as in `mean`.
+
+    Examples
+    --------
+    >>> from faintrack.targets.states import PlanarState
+    >>> states = PlanarState(x=jnp.array([0.0, 2.0]), y=jnp.zeros(2), vx=jnp.zeros(2), vy=jnp.zeros(2))
+    >>> belief = Belief(states, jnp.log(jnp.full(2, 0.5)), jnp.array(0.0), jnp.array(0.0))
+    >>> float(covariance(belief)[0, 0])
+    1.0
+    """
+    weights = jnp.exp(belief.log_weights) if weights is None else weights
+    middle = mean(belief, weights)
+
+    def deviation(name: str, values: Array) -> Array:
+        off = values - getattr(middle, name)
+        if name in belief.states.angles:
+            off = jnp.arctan2(jnp.sin(off), jnp.cos(off))
+        return jnp.broadcast_to(off, belief.log_weights.shape).ravel()
+
+    off = jnp.stack([deviation(field.name, getattr(belief.states, field.name)) for field in _fields(belief.states)])
+    return (off * weights.ravel()) @ off.T
+
+
+def mode(belief: Belief) -> Any:
+    """State of the point with the largest weight; components are scalars.
+
+    Examples
+    --------
+    >>> from faintrack.targets.states import PlanarState
+    >>> still = jnp.zeros((1, 1))
+    >>> grid = PlanarState(x=jnp.array([[0.0], [1.0]]), y=jnp.array([[5.0, 6.0]]), vx=still, vy=still)
+    >>> belief = Belief(grid, jnp.log(jnp.array([[0.1, 0.2], [0.4, 0.3]])), jnp.array(0.0), jnp.array(0.0))
+    >>> float(mode(belief).x), float(mode(belief).y)
+    (1.0, 5.0)
+    """
+    best = jnp.argmax(belief.log_weights)
+    return _by_component(
+        belief.states, lambda _, values: jnp.broadcast_to(values, belief.log_weights.shape).ravel()[best]
+    )
+
+
+def _fields(state: Any) -> tuple[dataclasses.Field, ...]:
+    return dataclasses.fields(state)
+
+
+def _by_component(state: Any, function: Any) -> Any:
+    return dataclasses.replace(
+        state, **{field.name: function(field.name, getattr(state, field.name)) for field in _fields(state)}
+    )

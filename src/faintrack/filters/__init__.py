@@ -1,0 +1,1 @@
+"""Filters: how a belief is started and carried forward in time."""

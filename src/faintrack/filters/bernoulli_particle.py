@@ -1,0 +1,95 @@
+r"""The Bernoulli particle filter: at most one target, particles for where, log odds for whether.
+
+Prediction mixes the survivors with newborn targets (bosser2022, eq. 1):
+
+.. math::
+    q' = p_b (1 - q) + p_s q, \qquad
+    s'(x) = \frac{p_b (1 - q)}{q'} b(x) + \frac{p_s q}{q'} \int f(x|x') s(x') dx'
+
+with the survivors resampled and moved, and the newborn drawn from the birth density afresh. The measurement enters by
+`faintrack.belief.update`, the same for every filter.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from faintrack.belief import Belief
+from faintrack.filters.resampling import systematic
+from faintrack.targets.target import Target
+
+Resample = Callable[[PRNGKeyArray, Array, Any, int], Int[Array, " slots"]]
+
+
+class BernoulliParticleFilter(eqx.Module):
+    """Carries a belief of particles forward in time.
+
+    Attributes
+    ----------
+    target : birth, motion, arrival and departure.
+    particles : that follow the target; at most `capacity`, and may then vary without a new compilation.
+    births : that look for a new one in every scan.
+    capacity : places kept for `particles`, where their number is to vary.
+    resample : function of (key, log weights, count, slots) to the indices that live on.
+    """
+
+    target: Target
+    particles: int | Int[Array, ""] = eqx.field(default=1000)
+    births: int = eqx.field(static=True, default=250)
+    capacity: int | None = eqx.field(static=True, default=None)
+    resample: Resample = eqx.field(static=True, default=systematic)
+
+    def init(self, key: PRNGKeyArray, time: float = 0.0, existence: float = 0.0) -> Belief:
+        """Belief before any scan: particles from the birth density, and a probability of existence."""
+        states = self.target.birth.sample(key, self._slots + self.births)
+        like = jax.tree.leaves(states)[0]
+        odds = jnp.asarray(existence, like.dtype)
+        return Belief(
+            states,
+            jnp.full_like(like, -jnp.log(like.size)),
+            jnp.log(odds) - jnp.log1p(-odds),
+            jnp.asarray(time, like.dtype),
+            jnp.full_like(like, time),
+        )
+
+    def predict(self, belief: Belief, time: Float[Array, ""] | float, key: PRNGKeyArray) -> Belief:
+        """Belief carried forward to `time` (the module's equation)."""
+        for_resampling, for_motion, for_birth = jax.random.split(key, 3)
+        dtype = belief.log_weights.dtype
+        time = jnp.asarray(time, dtype)
+        interval = time - belief.time
+        appears, stays = self.target.transition(interval)
+        there, absent = jax.nn.log_sigmoid(belief.log_odds), jax.nn.log_sigmoid(-belief.log_odds)
+        survived, arrived = jnp.log(stays) + there, jnp.log(appears) + absent
+        log_existence = jnp.logaddexp(survived, arrived)
+        log_absence = jnp.logaddexp(jnp.log1p(-stays) + there, jnp.log1p(-appears) + absent)
+
+        slots = self._slots
+        chosen = self.resample(for_resampling, belief.log_weights, self.particles, slots)
+        survivors = jax.tree.map(lambda component: component[chosen], belief.states)
+        survivors = self.target.motion.move(survivors, interval, for_motion)
+        newborn = self.target.birth.sample(for_birth, self.births)
+        states = jax.tree.map(lambda old, new: jnp.concatenate([old, new.astype(dtype)]), survivors, newborn)
+
+        # Where no target can exist yet, as in a scan at the time of the start, the newborn are what is believed.
+        possible = log_existence > -jnp.inf
+        share_survived = jnp.where(possible, survived - log_existence, -jnp.inf)
+        share_arrived = jnp.where(possible, arrived - log_existence, 0)
+        each = jnp.where(jnp.arange(slots) < self.particles, share_survived - jnp.log(self.particles), -jnp.inf)
+        each_newborn = jnp.full(self.births, share_arrived - jnp.log(self.births))
+        assert belief.born is not None
+        return Belief(
+            states,
+            jnp.concatenate([each, each_newborn]).astype(dtype),
+            log_existence - log_absence,
+            time,
+            jnp.concatenate([belief.born[chosen], jnp.full(self.births, time)]),
+        )
+
+    @property
+    def _slots(self) -> int:
+        return int(self.particles) if self.capacity is None else self.capacity

@@ -1,0 +1,72 @@
+"""A filter over many scans, compiled as one loop."""
+
+from collections.abc import Callable
+from typing import Any, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from faintrack.belief import Belief, update
+
+
+@runtime_checkable
+class Filter(Protocol):
+    """Starts a belief and carries it forward."""
+
+    def init(self, key: PRNGKeyArray, time: float = 0.0) -> Belief:
+        """Belief before any scan."""
+
+    def predict(self, belief: Belief, time: Any, key: PRNGKeyArray) -> Belief:
+        """Belief carried forward to `time`."""
+
+
+@runtime_checkable
+class Likelihood(Protocol):
+    """Says how much likelier a scan is with a target at each state than without one."""
+
+    def log_ratio(self, scan: Any, states: Any) -> Array:
+        """Natural log of p(scan | target at state) / p(scan | no target)."""
+
+
+def step(
+    filter: Filter, likelihood: Likelihood, belief: Belief, scan: Any, key: PRNGKeyArray
+) -> tuple[Belief, Float[Array, ""]]:
+    """Predict to the time of a scan and take it in; returns the belief and the log evidence."""
+    predicted = filter.predict(belief, scan.time, key)
+    return update(predicted, likelihood.log_ratio(scan, predicted.states))
+
+
+@eqx.filter_jit
+def run(
+    filter: Filter,
+    likelihood: Likelihood,
+    scans: Any,
+    key: PRNGKeyArray,
+    keep: Callable[[Belief], Any] = lambda belief: belief,
+) -> tuple[Belief, Any, Float[Array, " scan"]]:
+    """Filter a stack of scans.
+
+    Parameters
+    ----------
+    filter, likelihood : what carries the belief, and what takes in a scan.
+    scans : as many scans as the first axis of every field is long.
+    key : every scan makes its own key from it; the same key gives the same bits. A batch of runs is `jax.vmap` over
+        keys or scans.
+    keep : what to keep of the belief after each scan; all of it where not given.
+
+    Returns
+    -------
+    The last belief; what was kept of every scan, stacked; the log evidence of every scan.
+    """
+    count = scans.time.shape[0]
+
+    def advance(belief: Belief, indexed: tuple[Any, Array]) -> tuple[Belief, tuple[Any, Array]]:
+        scan, number = indexed
+        belief, log_evidence = step(filter, likelihood, belief, scan, jax.random.fold_in(key, number))
+        return belief, (keep(belief), log_evidence)
+
+    start = filter.init(jax.random.fold_in(key, count))
+    last, (kept, log_evidence) = jax.lax.scan(advance, start, (scans, jnp.arange(count)))
+    return last, kept, log_evidence

@@ -1,0 +1,116 @@
+"""Descriptions of arrays from files and back, and which channel of a recording belongs to which sensor.
+
+`faintrack.scenario.array` shows the layout of the TOML file and says what an Acoular XML file lacks.
+"""
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from faintrack.errors import InputError
+from faintrack.io.checks import explained, require_file
+from faintrack.recording import Recording
+from faintrack.scenario.array import ArrayDescription, build, problem
+from faintrack.sensors.array import SensorArray
+
+
+def read_array(path: str | Path) -> SensorArray:
+    """Array of a TOML description, or of an Acoular XML file with 343 m/s as its sound speed.
+
+    Parameters
+    ----------
+    path : a file that ends in .toml or .xml.
+
+    Raises
+    ------
+    InputError : the file is missing, not valid, or describes no array; the sentence names file and field.
+
+    Examples
+    --------
+    >>> read_array("array.csv")
+    Traceback (most recent call last):
+        ...
+    faintrack.errors.InputError: array.csv: unknown kind of array file; expected .toml or .xml.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".toml", ".xml"):
+        raise InputError(f"{path}: unknown kind of array file; expected .toml or .xml.")
+    require_file(path)
+    table = {"positions_file": path.name} if suffix == ".xml" else _toml(path)
+    try:
+        return build(ArrayDescription.model_validate(table), path.parent)
+    except ValidationError as error:
+        raise InputError(f"{path}: {problem(error)}") from error
+    except InputError as error:
+        # A sentence about the positions file may name that file already.
+        raise error if str(error).startswith(str(path)) else InputError(f"{path}: {error}") from error
+
+
+def array_toml(array: SensorArray) -> str:
+    """TOML text that describes an array; `read_array` gives the same array back.
+
+    Examples
+    --------
+    >>> from faintrack.sensors.array import line_array
+    >>> print(array_toml(line_array(count=2, spacing=3.0)))
+    sound_speed = 1500.0
+    channels = [
+        {name = "0", x = 0.0, y = -1.5, z = 0.0},
+        {name = "1", x = 0.0, y = 1.5, z = 0.0},
+    ]
+    dead = []
+    inverted = []
+    <BLANKLINE>
+    """
+    lines = [f"sound_speed = {float(array.sound_speed)!r}", "channels = ["]
+    columns = array.channel_names, array.positions.tolist(), array.gains.tolist()
+    for name, (x, y, z), gain in zip(*columns, strict=True):
+        # JSON and TOML write strings alike, but for the delete character.
+        text = json.dumps(name, ensure_ascii=False).replace("\x7f", "\\u007f")
+        factor = "" if gain in (-1, 0, 1) else f", gain = {gain!r}"
+        lines.append(f"    {{name = {text}, x = {x!r}, y = {y!r}, z = {z!r}{factor}}},")
+    dead, inverted = (np.flatnonzero(array.gains == gain).tolist() for gain in (0, -1))
+    return "\n".join([*lines, "]", f"dead = {dead}", f"inverted = {inverted}", ""])
+
+
+def match_channels(array: SensorArray, recording: Recording) -> SensorArray:
+    """Array with its channels in the order of a recording's.
+
+    Where the recording names the same channels in another order, the array follows the names; otherwise its
+    channels belong to the recording's by number.
+
+    Raises
+    ------
+    InputError : the numbers of channels differ.
+
+    Examples
+    --------
+    >>> from faintrack.recording import from_samples
+    >>> from faintrack.sensors.array import sensor_array
+    >>> array = sensor_array(np.array([[0, 0], [0, 2]]), channel_names=("south", "north"))
+    >>> turned = match_channels(array, from_samples(np.zeros((9, 2)), 100.0, ("north", "south")))
+    >>> turned.channel_names, turned.positions[:, 1].tolist()
+    (('north', 'south'), [1.0, -1.0])
+    """
+    names = array.channel_names
+    if recording.channels != len(names):
+        raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(names)}.")
+    if len(set(names)) < len(names) or set(names) != set(recording.channel_names):
+        return array
+    order = [names.index(name) for name in recording.channel_names]
+    return replace(
+        array,
+        positions=array.positions[order],
+        gains=array.gains[order],
+        channel_names=recording.channel_names,
+    )
+
+
+def _toml(path: Path) -> dict[str, object]:
+    with explained(f"{path} is not valid TOML"), path.open("rb") as file:
+        return tomllib.load(file)

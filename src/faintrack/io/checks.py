@@ -1,0 +1,150 @@
+"""What every reader asks of a file before its contents count: that it is there, makes sense, and is numeric.
+
+Libraries say what went wrong in many ways and few of them name the file. Here each way becomes an InputError
+of one sentence.
+"""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from faintrack.errors import InputError
+
+_UTC = re.compile(r"(\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?)(?:Z|\+00:00)?")
+
+
+def require_file(path: Path) -> None:
+    """Refuse a path that is not a file with something in it.
+
+    Raises
+    ------
+    InputError : the path does not exist, is a folder, or is an empty file.
+
+    Examples
+    --------
+    >>> require_file(Path("nowhere/rec.wav"))
+    Traceback (most recent call last):
+        ...
+    faintrack.errors.InputError: nowhere/rec.wav does not exist.
+    """
+    if not path.exists():
+        raise InputError(f"{path} does not exist.")
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; expected a file.")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path} is empty.")
+
+
+@contextmanager
+def explained(complaint: str) -> Iterator[None]:
+    """Turn whatever a library raises inside the block into an InputError that starts with `complaint`.
+
+    Parameters
+    ----------
+    complaint : what failed, with the name of the file: "rec.wav cannot be read as a WAV file".
+
+    Raises
+    ------
+    InputError : the complaint with the library's reason in parentheses; one from inside passes unchanged.
+
+    Examples
+    --------
+    >>> with explained("rec.h5 cannot be read as HDF5"):
+    ...     raise OSError("file signature not found")
+    Traceback (most recent call last):
+        ...
+    faintrack.errors.InputError: rec.h5 cannot be read as HDF5 (file signature not found).
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    # The libraries share no base class for a damaged file: struct.error, KeyError, bare Exception all occur.
+    except Exception as error:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{complaint} ({reason.rstrip('.')}).") from error
+
+
+def utc(text: str, field: str) -> np.datetime64:
+    """Time from ISO text in UTC, to the nanosecond.
+
+    Parameters
+    ----------
+    text : date, or date and time, with or without a trailing "Z" or "+00:00".
+    field : file and field, for the message.
+
+    Raises
+    ------
+    InputError : the text is no such time, or stands in another time zone.
+
+    Examples
+    --------
+    >>> str(utc("2012-04-09T18:00:00.008Z", "rec.h5: start_time"))
+    '2012-04-09T18:00:00.008000000'
+    """
+    complaint = f"{field} is {text!r}; expected a UTC time such as 2012-04-09T18:00:00.008"
+    match = _UTC.fullmatch(text.strip())
+    if match is None:
+        raise InputError(f"{complaint}.")
+    with explained(complaint):
+        return np.datetime64(match[1], "ns")
+
+
+def samples_between(first: np.datetime64, later: np.datetime64, sample_rate: float, source: str) -> int:
+    """Whole number of samples from one start time to a later one.
+
+    Parameters
+    ----------
+    first, later : times of two samples in UTC.
+    sample_rate : Hz.
+    source : what starts at the offset, for the message.
+
+    Raises
+    ------
+    InputError : the offset is more than a tenth of a sample away from a whole number. The channels were then
+        not sampled together, and shifting by whole samples would turn every bearing.
+
+    Examples
+    --------
+    >>> start = np.datetime64("2012-04-09T18:00:00", "ns")
+    >>> samples_between(start, start + np.timedelta64(30, "ms"), 100.0, "a.sac")
+    3
+    """
+    offset = (later - first) / np.timedelta64(1, "s") * sample_rate
+    if abs(offset - round(offset)) > 0.1:
+        raise InputError(f"{source}: the start times differ by {abs(offset):.2f} samples; expected a whole number.")
+    return round(offset)
+
+
+def require_numeric(dtype: np.dtype, field: str) -> None:
+    """Refuse samples that are not real numbers.
+
+    Raises
+    ------
+    InputError : the type is neither integer nor float.
+
+    Examples
+    --------
+    >>> require_numeric(np.dtype("int16"), "rec.h5: time_data")
+    """
+    if dtype.kind not in "iuf":
+        raise InputError(f"{field} holds {dtype}; expected real numbers.")
+
+
+def as_float(samples: np.ndarray) -> np.ndarray:
+    """Samples in native byte order; float64 stays, everything else becomes float32.
+
+    Parameters
+    ----------
+    samples : any shape; integers beyond 24 bits lose their last digits.
+
+    Examples
+    --------
+    >>> as_float(np.array([1, 2], ">i2")).dtype
+    dtype('float32')
+    """
+    double = samples.dtype.kind == "f" and samples.dtype.itemsize == 8
+    return np.asarray(samples, np.float64 if double else np.float32)

@@ -1,0 +1,60 @@
+r"""White Gaussian signal in noise of known power.
+
+In each frequency bin the channels' spectra are circular complex Gaussian: covariance :math:`\sigma_f^2 I` under
+noise, and
+:math:`\sigma_f^2 (I + a\, d d^*)` under a source of signal to noise ratio a with steering vector d. Since :math:`d^*
+d = M`, the matrix inversion lemma and the determinant give (bosser2022, eq. 20-27)
+
+.. math::
+    \log \ell = \sum_f \left[ \frac{a}{1 + M a} \frac{B_f(\psi)}{\sigma_f^2} - K \log(1 + M a) \right]
+
+with M channels, K snapshots, and :math:`B_f` the beam power summed over snapshots. The paper sums over all N bins of
+a real
+signal, where each positive frequency stands twice: hence its factor 1/2. Use this where the noise is known, as in
+simulation; on
+real arrays use `faintrack.likelihoods.unknown_noise`, since a noise power that is a few percent off turns every frame
+into a target.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from faintrack.likelihoods.interpolation import bearing_neighbours
+from faintrack.sensors.beams import BeamGrid, BeamScan
+from faintrack.targets.states import BearingState
+
+
+class WhiteSignal(eqx.Module):
+    """Log ratio of a white Gaussian source in white noise of known power.
+
+    Attributes
+    ----------
+    grid : axes of the scans.
+    noise_power : shape (frequency,) or (); power of the noise in each bin of the unitary spectrum, which for white
+        noise is the variance of a sample.
+    """
+
+    grid: BeamGrid
+    noise_power: Float[Array, "*frequency"]
+
+    def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
+        r"""Natural log of p(scan | source at state) / p(scan | no source).
+
+        Parameters
+        ----------
+        scan : one frame.
+        states : `bearing` and `snr_db` are read.
+
+        Notes
+        -----
+        The module's equation. Check: the mean of exp(log ratio) under noise is 1.
+        """
+        powers = jnp.sum(scan.beam_power / jnp.broadcast_to(self.noise_power, scan.total_power.shape)[:, None], axis=0)
+        index, weight = bearing_neighbours(self.grid, states.bearing)
+        power = jnp.sum(powers[index] * weight, axis=-1)
+        snr = 10 ** (states.snr_db / 10)
+        gain = scan.channels * snr
+        count = self.grid.snapshots * scan.total_power.size
+        log_ratio = snr / (1 + gain) * power - count * jnp.log1p(gain)
+        return jnp.where(scan.channels >= 2, log_ratio, 0)

@@ -1,0 +1,107 @@
+"""From the tables of a scenario to the objects that do the work: units are converted here, once."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+
+from faintrack.errors import InputError
+from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
+from faintrack.filters.run import Likelihood
+from faintrack.likelihoods.lobe_width import lobe_width_likelihood
+from faintrack.likelihoods.unknown_noise import UnknownNoise
+from faintrack.likelihoods.white_signal import WhiteSignal
+from faintrack.scenario.model import Scenario, TargetTable
+from faintrack.sensors.array import SensorArray
+from faintrack.sensors.beams import BeamGrid, lobe_width
+from faintrack.signal.beamformer import Beamformer, beamformer
+from faintrack.targets.motion import BearingMotion
+from faintrack.targets.states import BearingState
+from faintrack.targets.target import Target, UniformBirth
+from faintrack.trackers.single import SingleTargetTracker
+
+FAINTEST = 0.02
+"""Nats that one frame tells of the faintest target by default: fifty frames for a factor e."""
+
+LOUDEST_DB = 20.0
+"""Largest SNR of a target by default; dB."""
+
+
+def build_beamformer(scenario: Scenario, array: SensorArray, sample_rate: float) -> Beamformer:
+    """Beamformer of a scenario for an array and a sample rate.
+
+    Raises
+    ------
+    InputError : band, frame and sample rate do not fit together.
+    """
+    plan = scenario.analysis
+    return beamformer(array, sample_rate, plan.frame, plan.band, plan.beams, plan.snapshot)
+
+
+def build_tracker(
+    scenario: Scenario, array: SensorArray, plan: Beamformer, noise_power: np.ndarray | None = None
+) -> SingleTargetTracker:
+    """Tracker of a scenario.
+
+    Parameters
+    ----------
+    scenario : what to run.
+    array : whose recording it is.
+    plan : how its samples become scans.
+    noise_power : shape (frequency,); measured, where the scenario asks for that.
+    """
+    snr_db = scenario.target.snr_db or default_snr_db(array, plan.grid)
+    target = build_target(scenario.target, snr_db, plan.grid.circular)
+    table = scenario.likelihood
+    likelihood: Likelihood
+    if table.kind == "unknown_noise":
+        likelihood = UnknownNoise(plan.grid, snr_db)
+    elif table.kind == "known_noise":
+        power = table.noise_power if noise_power is None else noise_power
+        likelihood = WhiteSignal(plan.grid, jnp.asarray(power, jnp.float32))
+    else:
+        width = lobe_width(array, float(plan.grid.frequency[-1]))
+        if width < 2 * np.ptp(plan.grid.bearing) / plan.grid.beams:
+            raise InputError(
+                "likelihood.kind lobe_width: the main lobe holds fewer than two beams; raise analysis.beams."
+            )
+        likelihood = lobe_width_likelihood(plan.grid, width, table.exponent)
+    particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
+    return SingleTargetTracker(particles, likelihood, scenario.tracker.declare, scenario.tracker.drop)
+
+
+def build_target(table: TargetTable, snr_db: tuple[float, float], circular: bool) -> Target:
+    """Target of a scenario on a line array's half circle, or on the full circle."""
+    first, last = (-math.pi, math.pi) if circular else (0.0, math.pi)
+    rate = math.radians(table.bearing_rate_deg)
+    low, high = snr_db
+
+    def corner(*values: float) -> BearingState:
+        return BearingState(*(jnp.asarray(value, jnp.float32) for value in values))
+
+    birth = UniformBirth(corner(first, -rate, low), corner(last, rate, high))
+    noise = math.radians(table.bearing_rate_noise_deg)
+    motion = BearingMotion(noise, table.snr_noise_db, low, high, circular)
+    return Target(birth, motion, table.arrival_rate, table.departure_rate)
+
+
+def default_snr_db(array: SensorArray, grid: BeamGrid) -> tuple[float, float]:
+    r"""Lowest and highest SNR of targets where the scenario does not say; dB.
+
+    Notes
+    -----
+    A frame of F bins and K snapshots tells on average :math:`F K (M a - \log(1 + M a)) \approx F K (M a)^2 / 2`
+    nats of a target with SNR a. Fainter than `FAINTEST` it could not be told from no target, and existence would mean
+    nothing.
+
+    Examples
+    --------
+    >>> from faintrack.sensors.array import line_array
+    >>> from faintrack.signal.beamformer import beamformer
+    >>> array = line_array(32, 0.375)
+    >>> [round(x, 1) for x in default_snr_db(array, beamformer(array, 4000.0).grid)]
+    [-38.5, 20.0]
+    """
+    cells = grid.frequency.size * grid.snapshots
+    gain = math.sqrt(2 * FAINTEST / cells)
+    return 10 * math.log10(gain / array.alive.sum()), LOUDEST_DB

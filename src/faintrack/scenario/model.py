@@ -1,0 +1,204 @@
+"""What to run: one TOML file for the array, the analysis, the target, the tracker and, if wanted, a simulation.
+
+Every field has a default but the ones that only the user can know. Units are those of the field's name: `_deg`
+degree, `_db` decibel, otherwise SI.
+
+.. code-block:: toml
+
+    [array]                      # as in a file of its own, see `faintrack.scenario.array`
+    line = {count = 32, spacing = 0.375}
+
+    [analysis]
+    band = [100.0, 1800.0]       # Hz
+    frame = 1.0                  # s
+
+    [simulation]
+    duration = 180.0             # s
+    sample_rate = 4000.0         # Hz
+    sources = [{snr_db = -30.0, bearing_deg = 60.0, bearing_rate_deg = 0.1, start = 60.0}]
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tomli_w
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from faintrack.errors import InputError
+from faintrack.scenario.array import ArrayDescription, Table, problem
+
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+
+
+class Analysis(Table):
+    """How samples become scans; see `faintrack.signal.beamformer.beamformer`.
+
+    Attributes
+    ----------
+    band : lowest and highest frequency; Hz. Everything where not given.
+    frame : between scans; s.
+    beams : number of bearings; chosen from the array where not given.
+    snapshot : length of one transform within a frame; s; chosen from the array where not given.
+    """
+
+    band: Pair | None = None
+    frame: float = Field(default=1.0, gt=0)
+    beams: int | None = Field(default=None, ge=8, le=7200)
+    snapshot: float | None = Field(default=None, gt=0)
+
+
+class TargetTable(Table):
+    """What is known of targets before any scan.
+
+    Attributes
+    ----------
+    arrival_rate : of an absent target; per second.
+    departure_rate : of a present target; per second.
+    bearing_rate_deg : new targets turn at most this fast, either way; degrees a second.
+    bearing_rate_noise_deg : density of the bearing acceleration; degrees a second per root second.
+    snr_db : lowest and highest SNR of a target at one channel, in the band; dB. Where not given, from the SNR at
+        which a frame tells 0.02 nats of a target, to 20 dB.
+    snr_noise_db : random walk of the SNR; dB per root second.
+    """
+
+    arrival_rate: float = Field(default=0.001, gt=0)
+    departure_rate: float = Field(default=0.005, gt=0)
+    bearing_rate_deg: float = Field(default=0.5, ge=0)
+    bearing_rate_noise_deg: float = Field(default=0.05, ge=0)
+    snr_db: Pair | None = None
+    snr_noise_db: float = Field(default=0.5, ge=0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "TargetTable":
+        if self.snr_db is not None and not self.snr_db[0] < self.snr_db[1]:
+            raise ValueError("snr_db: expected the lowest SNR first")
+        return self
+
+
+class LikelihoodTable(Table):
+    """Which likelihood reads the scans.
+
+    Attributes
+    ----------
+    kind : "unknown_noise", the noise power of every frequency and frame integrated out; "known_noise"; or "lobe_width".
+    noise_power : for "known_noise": variance of the noise in one sample of a channel, the same at all frequencies.
+    noise_seconds : for "known_noise", instead: the noise power of each frequency is measured over the first seconds.
+    exponent : for "lobe_width": to which the beam power is raised.
+    """
+
+    kind: Literal["unknown_noise", "known_noise", "lobe_width"] = "unknown_noise"
+    noise_power: float | None = Field(default=None, gt=0)
+    noise_seconds: float | None = Field(default=None, gt=0)
+    exponent: float = Field(default=5.0, gt=0)
+
+    @model_validator(mode="after")
+    def _noise_is_known(self) -> "LikelihoodTable":
+        given = (self.noise_power is not None) + (self.noise_seconds is not None)
+        if given != (self.kind == "known_noise"):
+            raise ValueError('kind "known_noise" takes exactly one of noise_power and noise_seconds, the others none')
+        return self
+
+
+class FilterTable(Table):
+    """The particle filter: particles that follow a target, newborn particles a scan, the seed of its random numbers."""
+
+    particles: int = Field(default=1000, ge=10, le=1_000_000)
+    births: int = Field(default=250, ge=10, le=1_000_000)
+    seed: int = Field(default=0, ge=0)
+
+
+class TrackerTable(Table):
+    """A track begins where existence reaches `declare` and ends where the track's own falls below `drop`."""
+
+    declare: float = Field(default=0.97, gt=0, lt=1)
+    drop: float = Field(default=0.3, gt=0, lt=1)
+
+    @model_validator(mode="after")
+    def _hysteresis(self) -> "TrackerTable":
+        if not self.drop < self.declare:
+            raise ValueError("drop: expected less than declare")
+        return self
+
+
+class SourceTable(Table):
+    """A source that moves at a constant bearing rate and is heard from `start` to `end`.
+
+    Attributes
+    ----------
+    snr_db : variance of its signal over variance of the noise at one channel; dB.
+    bearing_deg : at `start`; degrees, from the axis of a line array or clockwise from north.
+    bearing_rate_deg : degrees a second.
+    start, end : seconds from the start of the recording; to its end where not given.
+    """
+
+    snr_db: float
+    bearing_deg: float
+    bearing_rate_deg: float = 0.0
+    start: float = Field(default=0.0, ge=0)
+    end: float | None = None
+
+
+class SimulationTable(Table):
+    """A recording to draw.
+
+    Attributes
+    ----------
+    duration : s.
+    sample_rate : Hz.
+    seed : of the random numbers.
+    noise_power : variance of the noise in each channel.
+    noise_slope_db : dB per octave of the noise's spectrum; 0 for white noise.
+    sources : what is heard.
+    """
+
+    duration: float = Field(gt=0)
+    sample_rate: float = Field(gt=0)
+    seed: int = Field(default=0, ge=0)
+    noise_power: float = Field(default=1.0, gt=0)
+    noise_slope_db: float = Field(default=0.0, ge=-24, le=24)
+    sources: Annotated[tuple[SourceTable, ...], Field(strict=False)] = ()
+
+
+class Scenario(Table):
+    """What to run. The fields are the tables of the file."""
+
+    array: ArrayDescription | None = None
+    analysis: Analysis = Analysis()
+    target: TargetTable = TargetTable()
+    likelihood: LikelihoodTable = LikelihoodTable()
+    filter: FilterTable = FilterTable()
+    tracker: TrackerTable = TrackerTable()
+    simulation: SimulationTable | None = None
+
+
+def read(path: str | Path) -> Scenario:
+    """Scenario of a TOML file.
+
+    Raises
+    ------
+    InputError : the file is missing, is not TOML, or has a field that is unknown or has the wrong value.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            content = tomllib.load(file)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}).") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not valid TOML ({error}).") from error
+    try:
+        return Scenario.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{path}: {problem(error)}") from error
+
+
+def to_toml(scenario: BaseModel) -> str:
+    """TOML text of a scenario with every field that has a value; `read` gives the same scenario back.
+
+    Examples
+    --------
+    >>> print(to_toml(Scenario()).splitlines()[0])
+    [analysis]
+    """
+    return tomli_w.dumps(scenario.model_dump(exclude_none=True, mode="json"))

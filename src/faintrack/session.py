@@ -1,0 +1,306 @@
+"""A recording through beamformer and tracker, block by block.
+
+`track` runs to the end and returns a `Result`; `follow` yields every frame as it comes. Both take the same compiled
+step, and neither holds more than a block of samples.
+"""
+
+import time as clock
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float
+
+from faintrack.belief import Belief
+from faintrack.errors import InputError
+from faintrack.recording import Recording
+from faintrack.scenario.build import build_beamformer, build_tracker
+from faintrack.scenario.model import Analysis, Scenario
+from faintrack.sensors.array import SensorArray
+from faintrack.sensors.beams import bearings
+from faintrack.signal.beamformer import Beamformer
+from faintrack.signal.frames import FrameBlock, frames
+from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
+from faintrack.tracks import BearingTrack, bearing_tracks
+
+BLOCK_BYTES = 32 * 2**20
+"""Beam power held at once; frames a block follow from it."""
+
+LONGEST_BLOCK = 32
+"""Frames a block at most: beyond it the beamformer gains nothing."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One frame, as `follow` yields it.
+
+    Attributes
+    ----------
+    time : middle of the frame; seconds from the start of the recording.
+    belief : all particles after the frame.
+    estimate : what the tracker says.
+    record : shape (beam,); the frame's row of the bearing-time record, dB.
+    """
+
+    time: float
+    belief: Belief
+    estimate: Estimate
+    record: np.ndarray
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came out of a recording.
+
+    Attributes
+    ----------
+    data : one entry a frame; existence, bearing, record and the rest, with units in their attributes.
+    tracks : what was declared.
+    scenario : what was run.
+    array : whose recording it was.
+    seconds : that the run took.
+    """
+
+    data: xr.Dataset
+    tracks: list[BearingTrack]
+    scenario: Scenario
+    array: SensorArray
+    seconds: float
+
+    @property
+    def existence(self) -> xr.DataArray:
+        """Probability that a target exists, frame by frame."""
+        return self.data.existence
+
+    @property
+    def bearing(self) -> xr.DataArray:
+        """Bearing of the track in hand, degrees; not a number where there is none."""
+        return self.data.bearing.where(self.data.label > 0)
+
+    @property
+    def record(self) -> xr.DataArray:
+        """Bearing-time record: power of each beam over the mean power of a channel, mean over the band, dB."""
+        return self.data.record
+
+
+def track(
+    recording: Recording,
+    array: SensorArray,
+    band: tuple[float, float] | None = None,
+    frame: float | None = None,
+    scenario: Scenario | None = None,
+) -> Result:
+    """Tracks of the sources in a recording.
+
+    Parameters
+    ----------
+    recording : samples of the array's channels, in the array's order.
+    array : geometry, sound speed, gains.
+    band : lowest and highest frequency, Hz; overrides the scenario's.
+    frame : between scans, seconds; overrides the scenario's.
+    scenario : everything else; defaults where not given.
+
+    Raises
+    ------
+    InputError : recording, array, band and frame do not fit together, or nothing usable was recorded.
+
+    Examples
+    --------
+    >>> from faintrack.recording import from_samples
+    >>> from faintrack.sensors.array import line_array
+    >>> noise = np.random.default_rng(0).normal(size=(4000, 8))
+    >>> result = track(from_samples(noise, 1000.0), line_array(8, 1.0), frame=0.5)
+    >>> result.tracks, result.existence.sizes["time"]
+    ([], 8)
+    """
+    scenario = with_analysis(scenario, band, frame)
+    start = clock.perf_counter()
+    data = xr.concat(list(track_blocks(recording, array, scenario)), "time", combine_attrs="override")
+    return Result(data, tracks_of(data), scenario, array, clock.perf_counter() - start)
+
+
+def with_analysis(
+    scenario: Scenario | None, band: tuple[float, float] | None = None, frame: float | None = None
+) -> Scenario:
+    """Scenario whose band and frame are replaced where given; defaults where there is no scenario."""
+    scenario = Scenario() if scenario is None else scenario
+    given = {name: value for name, value in (("band", band), ("frame", frame)) if value is not None}
+    analysis = Analysis(**{**scenario.analysis.model_dump(), **given})
+    return scenario.model_copy(update={"analysis": analysis})
+
+
+def follow(recording: Recording, array: SensorArray, scenario: Scenario | None = None) -> Iterator[Moment]:
+    """Yield every frame of a recording as it is taken in; see `track` for the arguments and errors.
+
+    Examples
+    --------
+    >>> from faintrack.recording import from_samples
+    >>> from faintrack.sensors.array import line_array
+    >>> noise = np.random.default_rng(0).normal(size=(4000, 8))
+    >>> moments = follow(from_samples(noise, 1000.0), line_array(8, 1.0))
+    >>> next(moments).time
+    0.5
+    """
+    scenario = Scenario() if scenario is None else scenario
+    for block, following, estimates, record in _advance(recording, array, scenario, block_frames=1):
+        yield Moment(float(block.time[0]), following.belief, jax.tree.map(lambda a: a[0], estimates), record[0])
+
+
+def track_blocks(recording: Recording, array: SensorArray, scenario: Scenario) -> Iterator[xr.Dataset]:
+    """Yield what is known of consecutive frames, a block at a time; together they are `Result.data`.
+
+    Raises
+    ------
+    InputError : as `track`; that a channel never held a finite sample is known only at the end.
+    """
+    heard = np.zeros(recording.channels, bool)
+    for block, _, estimates, record in _advance(recording, array, scenario):
+        heard |= block.usable.any(axis=0)
+        yield _dataset(block, estimates, record, array, recording)
+    silent = [
+        name for name, ok, alive in zip(recording.channel_names, heard, array.alive, strict=True) if alive and not ok
+    ]
+    if silent:
+        raise InputError(
+            f"{recording.source}: channel {silent[0]} has no frame without samples that are not finite; "
+            "expected numbers, or the channel in the array's list of dead ones."
+        )
+
+
+def tracks_of(data: xr.Dataset) -> list[BearingTrack]:
+    """Tracks in the data of a result."""
+    columns = (data[name].values for name in ("time", "label", "bearing", "bearing_std", "snr", "track_existence"))
+    time, label, bearing, std, snr_db, existence = columns
+    return bearing_tracks(time, label, np.radians(bearing), np.radians(std), snr_db, existence)
+
+
+def measure_noise(
+    recording: Recording, plan: Beamformer, length: int, seconds: float
+) -> Float[np.ndarray, " frequency"]:
+    """Mean power of a channel in every bin over the first seconds of a recording.
+
+    Parameters
+    ----------
+    recording, plan : samples, and how they become scans.
+    length : samples in a frame.
+    seconds : from the start, as much as is measured.
+
+    Raises
+    ------
+    InputError : the recording has no whole frame in that time.
+    """
+    powers = []
+    for block in frames(recording, length, block=1):
+        if block.time[0] > seconds:
+            break
+        scan = plan.scan(jnp.asarray(block.time), jnp.asarray(block.samples), jnp.asarray(block.usable))
+        if scan.channels[0] > 0:
+            powers.append(np.asarray(scan.total_power[0] / (scan.channels[0] * plan.grid.snapshots)))
+    if not powers:
+        raise InputError(
+            f"{recording.source}: no whole frame in the first {seconds:g} s, from which to measure the noise."
+        )
+    return np.mean(powers, axis=0)
+
+
+@eqx.filter_jit
+def _take_in(
+    plan: Beamformer, tracker: SingleTargetTracker, following: Following, block: tuple[Array, Array, Array], key: Array
+) -> tuple[Following, Estimate, Array]:
+    scans = plan.scan(*block)
+    following, estimates = tracker.steps(following, scans, key)
+    mean_power = jnp.maximum(scans.total_power / jnp.maximum(scans.channels, 1)[:, None], jnp.finfo(jnp.float32).tiny)
+    record = jnp.mean(scans.beam_power / mean_power[..., None], axis=1)
+    return following, estimates, 10 * jnp.log10(jnp.maximum(record, 1e-6))
+
+
+def _advance(
+    recording: Recording, array: SensorArray, scenario: Scenario, block_frames: int | None = None
+) -> Iterator[tuple[FrameBlock, Following, Any, np.ndarray]]:
+    """Yield blocks of frames with the tracker's state after them, its estimates and the rows of the record."""
+    if recording.channels != len(array.gains):
+        raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(array.gains)}.")
+    plan = build_beamformer(scenario, array, recording.sample_rate)
+    length = round(scenario.analysis.frame * recording.sample_rate)
+    count = recording.length // length
+    if count == 0:
+        raise InputError(
+            f"{recording.source} lasts {recording.duration:g} s; "
+            f"expected at least one frame of {scenario.analysis.frame:g} s."
+        )
+    seconds = scenario.likelihood.noise_seconds
+    noise_power = None if seconds is None else measure_noise(recording, plan, length, seconds)
+    tracker = build_tracker(scenario, array, plan, noise_power)
+    key = jax.random.key(scenario.filter.seed)
+    following = tracker.init(jax.random.fold_in(key, 2**31 - 1))
+    if block_frames is None:
+        frame_bytes = 4 * max(plan.grid.frequency.size * plan.grid.beams, length * recording.channels)
+        block_frames = int(np.clip(BLOCK_BYTES // frame_bytes, 1, min(LONGEST_BLOCK, count)))
+    for block in frames(recording, length, block_frames):
+        used = len(block.time)
+        arrays = _filled(block, block_frames)
+        following, estimates, record = _take_in(plan, tracker, following, arrays, key)
+        yield block, following, jax.tree.map(partial(_first, used), estimates), _first(used, record)
+
+
+def _filled(block: FrameBlock, size: int) -> tuple[Array, Array, Array]:
+    """Fields of a block, filled up to `size` frames that say nothing, so that one compiled step serves every block."""
+    missing = size - len(block.time)
+    return (
+        jnp.asarray(np.pad(block.time, (0, missing), mode="edge")),
+        jnp.asarray(np.pad(block.samples, ((0, missing), (0, 0), (0, 0)))),
+        jnp.asarray(np.pad(block.usable, ((0, missing), (0, 0)))),
+    )
+
+
+def _first(count: int, values: Array) -> np.ndarray:
+    return np.asarray(values)[:count]
+
+
+def _dataset(
+    block: FrameBlock, estimates: Estimate, record: np.ndarray, array: SensorArray, recording: Recording
+) -> xr.Dataset:
+    """Blocks of estimates as named variables with units."""
+    reference = "clockwise from north" if array.circular else "from the array axis"
+    degrees = {"units": "degree", "reference": reference}
+    beams = record.shape[1]
+    bearing = np.degrees(bearings(beams, array.circular))
+
+    def per_frame(values: Any, units: str, long_name: str, **more: str) -> tuple[str, np.ndarray, dict[str, str]]:
+        return "time", np.asarray(values), {"units": units, "long_name": long_name, **more}
+
+    deg = np.degrees
+    masked = (~block.usable & array.alive).sum(axis=1).astype(np.int32)
+    return xr.Dataset(
+        {
+            "existence": per_frame(estimates.existence, "1", "probability that a target exists"),
+            "label": per_frame(estimates.label, "1", "track in hand, 0 where there is none"),
+            "track_existence": per_frame(estimates.track_existence, "1", "probability that the track's target exists"),
+            "bearing": per_frame(deg(estimates.mean.bearing), long_name="bearing", **degrees),
+            "bearing_std": per_frame(deg(estimates.std.bearing), "degree", "standard deviation of the bearing"),
+            "bearing_rate": per_frame(deg(estimates.mean.bearing_rate), "degree/s", "bearing rate"),
+            "snr": per_frame(estimates.mean.snr_db, "dB", "signal to noise ratio at one channel"),
+            "snr_std": per_frame(estimates.std.snr_db, "dB", "standard deviation of the signal to noise ratio"),
+            "log_evidence": per_frame(estimates.log_evidence, "1", "log of the mean likelihood ratio"),
+            "masked_channels": per_frame(masked, "1", "channels left out, samples not finite"),
+            "record": (
+                ("time", "beam"),
+                record,
+                {"units": "dB", "long_name": "beam power over mean channel power"},
+            ),
+        },
+        coords={
+            "time": ("time", block.time, {"units": "s", "long_name": "time from the start of the recording"}),
+            "beam": ("beam", bearing, {"long_name": "bearing", **degrees}),
+        },
+        attrs={
+            "source": recording.source,
+            "start_time": "" if recording.start_time is None else f"{recording.start_time}Z",
+        },
+    )

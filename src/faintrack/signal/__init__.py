@@ -1,0 +1,1 @@
+"""From samples to scans: framing, spectra, beam power."""

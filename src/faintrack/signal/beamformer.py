@@ -1,0 +1,168 @@
+r"""Delay-and-sum beamforming in the frequency domain.
+
+Each snapshot of N samples is transformed with the unitary discrete Fourier transform. For every bin f in the band and
+every bearing, the channels are delayed back and summed (bosser2022, eq. 17-18):
+
+.. math:: B_f(\psi) = \Big| \sum_m e^{j 2 \pi f \tau_m(\psi)} z_{mf} \Big|^2
+
+Bins strictly between zero and half the sample rate are used: a constant offset carries no direction, and at half the
+sample rate a delay is not defined (bosser2022, eq. 15 has a cosine there).
+"""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
+
+from faintrack.errors import InputError
+from faintrack.sensors.array import SensorArray
+from faintrack.sensors.beams import BeamGrid, BeamScan, lobe_width, steering
+
+
+class Beamformer(eqx.Module):
+    """Turns frames of samples into beam powers.
+
+    Attributes
+    ----------
+    grid : frequencies and bearings.
+    first_bin : of the band, counted from zero frequency.
+    snapshot : samples in a transform.
+    gains : shape (channel,); correction of each channel, 0 for a dead one.
+    weights : shape (frequency, bearing, 2 channel); real parts of the steering beside the imaginary ones.
+    """
+
+    grid: BeamGrid
+    first_bin: int = eqx.field(static=True)
+    snapshot: int = eqx.field(static=True)
+    gains: Float[Array, " channel"]
+    weights: Float[Array, "frequency bearing channels2"]
+
+    def spectra(
+        self, samples: Float[Array, "frame sample channel"]
+    ) -> Complex[Array, "frame snapshot frequency channel"]:
+        """Unitary spectra of the snapshots of each frame, in the band, with the channels' gains applied."""
+        count, _, channels = samples.shape
+        samples = samples[:, : self.grid.snapshots * self.snapshot]
+        parts = (samples * self.gains).reshape(count, self.grid.snapshots, self.snapshot, channels)
+        bins = jnp.fft.rfft(parts, axis=2)[:, :, self.first_bin : self.first_bin + self.grid.frequency.size]
+        return bins / math.sqrt(self.snapshot)
+
+    def beam_power(
+        self, spectra: Complex[Array, "frame snapshot frequency channel"]
+    ) -> Float[Array, "frame frequency bearing"]:
+        """Beam power of each bin and bearing, summed over the snapshots of a frame."""
+        count, snapshots = spectra.shape[:2]
+        columns = jnp.moveaxis(spectra, (2, 3), (0, 1)).reshape(*spectra.shape[2:], count * snapshots)
+        real, imag = columns.real, columns.imag
+        # One real product in place of a complex one: XLA multiplies batches of small complex matrices at half the
+        # speed.
+        both = jnp.concatenate([jnp.concatenate([real, imag], axis=1), jnp.concatenate([imag, -real], axis=1)], axis=2)
+        sums = jnp.einsum("fbc,fct->fbt", self.weights, both)
+        power = sums[..., : count * snapshots] ** 2 + sums[..., count * snapshots :] ** 2
+        return jnp.moveaxis(power.reshape(*power.shape[:2], count, snapshots).sum(axis=-1), 2, 0)
+
+    def scan(
+        self,
+        time: Float[Array, " frame"],
+        samples: Float[Array, "frame sample channel"],
+        usable: Bool[Array, "frame channel"],
+    ) -> BeamScan:
+        """Scans of consecutive frames, stacked along the first axis of every field.
+
+        Parameters
+        ----------
+        time : middle of each frame; seconds.
+        samples : zero where a channel is not usable.
+        usable : which channels of each frame are used, beside those that are dead.
+        """
+        return self.scan_spectra(time, self.spectra(samples), usable)
+
+    def scan_spectra(
+        self,
+        time: Float[Array, " frame"],
+        spectra: Complex[Array, "frame snapshot frequency channel"],
+        usable: Bool[Array, "frame channel"],
+    ) -> BeamScan:
+        """Scans from unitary spectra that are already at hand; see `scan`."""
+        total = jnp.sum(spectra.real**2 + spectra.imag**2, axis=(1, 3))
+        channels = jnp.sum(usable & (self.gains != 0), axis=1).astype(total.dtype)
+        return BeamScan(time.astype(total.dtype), self.beam_power(spectra), total, channels)
+
+
+def beamformer(
+    array: SensorArray,
+    sample_rate: float,
+    frame: float = 1.0,
+    band: tuple[float, float] | None = None,
+    beams: int | None = None,
+    snapshot: float | None = None,
+    dtype: type = np.float32,
+) -> Beamformer:
+    r"""Plan the analysis of an array's frames.
+
+    Parameters
+    ----------
+    array : geometry, sound speed, gains.
+    sample_rate : Hz.
+    frame : seconds between scans; each frame is analysed whole.
+    band : lowest and highest frequency in Hz; everything between zero and half the sample rate where not given.
+    beams : number of bearings; where not given, four in a main lobe at the top of the band, at least 180 and at most
+        1440.
+    snapshot : seconds in one transform, at most `frame`; where not given, the shortest that is 16 times the time a
+        wave takes along the array and has at least 32 bins in the band, or the frame.
+    dtype : numpy type of real values.
+
+    Raises
+    ------
+    InputError : a band without a bin, beyond half the sample rate, or a frame that is too short.
+
+    Examples
+    --------
+    >>> from faintrack.sensors.array import line_array
+    >>> plan = beamformer(line_array(55, 0.375), sample_rate=4000.0, frame=0.075, beams=180)
+    >>> plan.grid.frequency.size, plan.grid.beams, plan.grid.snapshots
+    (149, 180, 1)
+    """
+    nyquist = sample_rate / 2
+    low, high = (0.0, nyquist) if band is None else band
+    if not 0 <= low < high:
+        raise InputError(f"band is {low:g} to {high:g} Hz; expected 0 <= low < high.")
+    if high > nyquist:
+        raise InputError(
+            f"band reaches {high:g} Hz; the sample rate of {sample_rate:g} Hz allows at most {nyquist:g} Hz."
+        )
+    if not frame > 0:
+        raise InputError(f"frame is {frame:g} s; expected more than 0.")
+    length = round(frame * sample_rate)
+    if snapshot is None:
+        used = array.positions[array.alive]
+        transit = np.linalg.norm(used[:, None] - used[None], axis=-1).max() / array.sound_speed
+        shortest = max(16 * transit, 32 / (high - low))
+        size = length // max(1, int(length / (shortest * sample_rate)))
+    else:
+        if not 0 < snapshot <= frame:
+            raise InputError(f"snapshot is {snapshot:g} s; expected more than 0 and at most the frame, {frame:g} s.")
+        size = round(snapshot * sample_rate)
+    if size < 4:
+        raise InputError(f"frame is {frame:g} s, {length} samples at {sample_rate:g} Hz; expected at least 4 samples.")
+    resolution = sample_rate / size
+    bins = np.arange(1, (size - 1) // 2 + 1)
+    bins = bins[(bins * resolution >= low) & (bins * resolution <= high)]
+    if bins.size == 0:
+        raise InputError(
+            f"band {low:g} to {high:g} Hz holds no frequency bin; bins are {resolution:g} Hz apart for "
+            f"a frame of {frame:g} s."
+        )
+    frequency = bins * resolution
+    if beams is None:
+        lobe = lobe_width(array, float(frequency[-1]))
+        span = 2 * np.pi if array.circular else np.pi
+        beams = int(np.clip(math.ceil(4 * span / lobe), 180, 1440))
+    if beams < 8:
+        raise InputError(f"beams is {beams}; expected at least 8.")
+    grid = BeamGrid(frequency, beams, length // size, array.circular)
+    vectors = steering(array, frequency, grid.bearing)
+    weights: np.ndarray = np.concatenate([vectors.real, vectors.imag], axis=-1).astype(dtype)
+    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), jnp.asarray(weights))

@@ -1,0 +1,1 @@
+"""Simulation: scans and samples drawn from the very sensors that the likelihoods evaluate."""

@@ -1,0 +1,1 @@
+"""Targets: what their state is, how they move, where and how often they appear and leave."""

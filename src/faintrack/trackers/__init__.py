@@ -1,0 +1,1 @@
+"""Trackers: beliefs turned into tracks with a beginning, an end and a label."""

@@ -1,0 +1,125 @@
+r"""A tracker for one target at a time: it declares, follows and drops.
+
+A track is declared when the probability that a target exists reaches a threshold. From then on it owns the particles
+that
+descend from targets born up to that moment; its own existence is the probability that the target exists *and* is one
+of those:
+
+.. math:: q_\text{track} = q \sum_{i:\, \text{born}_i \le \text{declared}} w_i
+
+The track is dropped when this falls below a lower threshold. A source that takes over elsewhere brings newborn
+particles, so it ends the old track and begins one with a new label, without any rule about jumps in the estimate.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from faintrack.belief import Belief, covariance, mean
+from faintrack.filters.run import Filter, Likelihood, step
+
+
+class Following(eqx.Module):
+    """What a single-target tracker knows between scans.
+
+    Attributes
+    ----------
+    belief : after the last scan.
+    label : of the track in hand or the last one; 0 before the first.
+    active : whether there is a track in hand.
+    declared : when the track was declared; seconds.
+    scans : taken in so far.
+    """
+
+    belief: Belief
+    label: Int[Array, ""]
+    active: Bool[Array, ""]
+    declared: Float[Array, ""]
+    scans: Int[Array, ""]
+
+
+class Estimate(eqx.Module):
+    """What the tracker says after a scan.
+
+    Attributes
+    ----------
+    time : of the scan; seconds.
+    existence : probability that a target exists.
+    label : of the track in hand; 0 where there is none.
+    track_existence : probability that the track's target exists.
+    mean : state, of the track's particles where there is a track, otherwise of all.
+    std : standard deviation of each component, as a state.
+    log_evidence : log of the scan's mean ratio over the belief.
+    """
+
+    time: Float[Array, "*scan"]
+    existence: Float[Array, "*scan"]
+    label: Int[Array, "*scan"]
+    track_existence: Float[Array, "*scan"]
+    mean: Any
+    std: Any
+    log_evidence: Float[Array, "*scan"]
+
+
+class SingleTargetTracker(eqx.Module):
+    """Declares, follows and drops one target at a time.
+
+    Attributes
+    ----------
+    filter, likelihood : what carries the belief, and what takes in a scan.
+    declare : existence at which a track begins; above `drop`.
+    drop : existence of the track below which it ends.
+    """
+
+    filter: Filter
+    likelihood: Likelihood
+    declare: float = 0.97
+    drop: float = 0.5
+
+    def init(self, key: PRNGKeyArray) -> Following:
+        """State before the first scan."""
+        belief = self.filter.init(key)
+        return Following(belief, jnp.array(0), jnp.array(False), belief.time, jnp.array(0))
+
+    def step(self, following: Following, scan: Any, key: PRNGKeyArray) -> tuple[Following, Estimate]:
+        """Take in one scan. `key` is that of the whole recording; each scan makes its own from it."""
+        key = jax.random.fold_in(key, following.scans)
+        belief, log_evidence = step(self.filter, self.likelihood, following.belief, scan, key)
+        weights = jnp.exp(belief.log_weights)
+        born = belief.born
+        assert born is not None, "tracks are told apart by when their particles were born"
+
+        def owned(active: Array, declared: Array) -> Float[Array, " points"]:
+            return jnp.where(active & (born > declared), 0, weights)
+
+        held = belief.existence * owned(following.active, following.declared).sum()
+        kept = following.active & (held >= self.drop)
+        # What is not the track's own may be a new target: strong enough, it begins a track in the same scan.
+        declares = ~kept & (belief.existence >= self.declare)
+        active = kept | declares
+        declared = jnp.where(declares, belief.time, following.declared)
+        label = following.label + declares
+
+        mine = owned(active, declared)
+        share = mine.sum()
+        middle = mean(belief, mine / share)
+        deviation = jnp.sqrt(jnp.maximum(jnp.diag(covariance(belief, mine / share)), 0))
+        std = jax.tree.unflatten(jax.tree.structure(middle), list(deviation))
+        estimate = Estimate(
+            belief.time,
+            belief.existence,
+            jnp.where(active, label, 0),
+            belief.existence * jnp.minimum(share, 1),
+            middle,
+            std,
+            log_evidence,
+        )
+        return Following(belief, label, active, declared, following.scans + 1), estimate
+
+    @eqx.filter_jit
+    def steps(self, following: Following, scans: Any, key: PRNGKeyArray) -> tuple[Following, Estimate]:
+        """Take in a stack of scans in one compiled loop; the estimates are stacked. Same bits as `step` by step."""
+        return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), following, scans)

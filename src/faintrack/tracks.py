@@ -1,0 +1,78 @@
+"""Tracks: what was declared, followed and dropped, as a person reads it."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class BearingTrack:
+    """One source from its declaration to its end.
+
+    Attributes
+    ----------
+    label : running number from 1.
+    start_s, end_s : of the first and the last frame of the track (their middle); seconds from the start of the
+        recording.
+    bearing_deg : circular mean of the bearing over the track, each frame weighted by its certainty; degrees.
+    bearing_std_deg : root mean square over the track of the standard deviation at each frame; degrees.
+    snr_db : mean over the track; dB.
+    existence_max : largest probability that the track's target exists.
+    """
+
+    label: int
+    start_s: float
+    end_s: float
+    bearing_deg: float
+    bearing_std_deg: float
+    snr_db: float
+    existence_max: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Fields by name."""
+        return asdict(self)
+
+
+def bearing_tracks(
+    time: np.ndarray,
+    label: np.ndarray,
+    bearing: np.ndarray,
+    bearing_std: np.ndarray,
+    snr_db: np.ndarray,
+    existence: np.ndarray,
+) -> list[BearingTrack]:
+    """Tracks from what a single-target tracker says frame by frame.
+
+    Parameters
+    ----------
+    time : seconds; all arguments have the shape (frame,).
+    label : of the track in hand, 0 where there is none.
+    bearing, bearing_std : radians.
+    snr_db : dB.
+    existence : of the track's target.
+
+    Examples
+    --------
+    >>> label, steady = np.array([0, 1, 1, 0]), np.full(4, 0.1)
+    >>> track, = bearing_tracks(np.arange(4.0), label, steady, steady, -20 + steady, 0.9 + steady)
+    >>> track.start_s, track.end_s, round(track.bearing_deg, 3)
+    (1.0, 2.0, 5.73)
+    """
+    tracks = []
+    for number in np.unique(label[label > 0]):
+        mine = label == number
+        certainty = 1 / np.maximum(bearing_std[mine], 1e-6) ** 2
+        direction = np.sum(certainty * np.exp(1j * bearing[mine]))
+        tracks.append(
+            BearingTrack(
+                label=int(number),
+                start_s=float(time[mine][0]),
+                end_s=float(time[mine][-1]),
+                bearing_deg=float(np.degrees(np.angle(direction))),
+                bearing_std_deg=float(np.degrees(np.sqrt(np.mean(bearing_std[mine] ** 2)))),
+                snr_db=float(np.mean(snr_db[mine])),
+                existence_max=float(existence[mine].max()),
+            )
+        )
+    return tracks
