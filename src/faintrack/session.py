@@ -5,7 +5,7 @@ step, and neither holds more than a block of samples.
 """
 
 import time as clock
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -85,8 +85,26 @@ class Result:
 
     @property
     def record(self) -> xr.DataArray:
-        """Bearing-time record: power of each beam over the mean power of a channel, mean over the band, dB."""
+        """Bearing-time record: beam power over the sum of the channels' powers, mean over the band; dB.
+
+        Noise without direction has 0 dB, a lone plane wave as many as the channels' number.
+        """
         return self.data.record
+
+    def summary(self) -> dict[str, Any]:
+        """Tracks and speed as plain values, for programs.
+
+        `seconds` is what the run took, `realtime_factor` the length of the recording over it, `masked_frames` the
+        number of frames in which a channel was left out because a sample was not finite.
+        """
+        frames = self.data.sizes["time"]
+        return {
+            "tracks": [track.as_dict() for track in self.tracks],
+            "frames": frames,
+            "seconds": self.seconds,
+            "realtime_factor": frames * self.scenario.analysis.frame / self.seconds,
+            "masked_frames": int((self.data.masked_channels > 0).sum()),
+        }
 
 
 def track(
@@ -120,8 +138,13 @@ def track(
     ([], 8)
     """
     scenario = with_analysis(scenario, band, frame)
+    return collect(track_blocks(recording, array, scenario), scenario, array)
+
+
+def collect(blocks: Iterable[xr.Dataset], scenario: Scenario, array: SensorArray) -> Result:
+    """Result of consecutive blocks, held in memory; see `track_blocks`."""
     start = clock.perf_counter()
-    data = xr.concat(list(track_blocks(recording, array, scenario)), "time", combine_attrs="override")
+    data = xr.concat(list(blocks), "time", combine_attrs="override")
     return Result(data, tracks_of(data), scenario, array, clock.perf_counter() - start)
 
 
@@ -215,8 +238,8 @@ def _take_in(
 ) -> tuple[Following, Estimate, Array]:
     scans = plan.scan(*block)
     following, estimates = tracker.steps(following, scans, key)
-    mean_power = jnp.maximum(scans.total_power / jnp.maximum(scans.channels, 1)[:, None], jnp.finfo(jnp.float32).tiny)
-    record = jnp.mean(scans.beam_power / mean_power[..., None], axis=1)
+    incoherent = jnp.maximum(scans.total_power, jnp.finfo(jnp.float32).tiny)
+    record = jnp.mean(scans.beam_power / incoherent[..., None], axis=1)
     return following, estimates, 10 * jnp.log10(jnp.maximum(record, 1e-6))
 
 
@@ -292,7 +315,7 @@ def _dataset(
             "record": (
                 ("time", "beam"),
                 record,
-                {"units": "dB", "long_name": "beam power over mean channel power"},
+                {"units": "dB", "long_name": "beam power over the sum of the channels' powers"},
             ),
         },
         coords={

@@ -3,18 +3,17 @@
 `faintrack.scenario.array` shows the layout of the TOML file and says what an Acoular XML file lacks.
 """
 
-import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from pydantic import ValidationError
 
 from faintrack.errors import InputError
 from faintrack.io.checks import explained, require_file
 from faintrack.recording import Recording
-from faintrack.scenario.array import ArrayDescription, build, problem
+from faintrack.scenario.array import ArrayDescription, build, describe, problem
+from faintrack.scenario.model import to_toml
 from faintrack.sensors.array import SensorArray
 
 
@@ -57,25 +56,10 @@ def array_toml(array: SensorArray) -> str:
     Examples
     --------
     >>> from faintrack.sensors.array import line_array
-    >>> print(array_toml(line_array(count=2, spacing=3.0)))
+    >>> print(array_toml(line_array(count=2, spacing=3.0)).splitlines()[0])
     sound_speed = 1500.0
-    channels = [
-        {name = "0", x = 0.0, y = -1.5, z = 0.0},
-        {name = "1", x = 0.0, y = 1.5, z = 0.0},
-    ]
-    dead = []
-    inverted = []
-    <BLANKLINE>
     """
-    lines = [f"sound_speed = {float(array.sound_speed)!r}", "channels = ["]
-    columns = array.channel_names, array.positions.tolist(), array.gains.tolist()
-    for name, (x, y, z), gain in zip(*columns, strict=True):
-        # JSON and TOML write strings alike, but for the delete character.
-        text = json.dumps(name, ensure_ascii=False).replace("\x7f", "\\u007f")
-        factor = "" if gain in (-1, 0, 1) else f", gain = {gain!r}"
-        lines.append(f"    {{name = {text}, x = {x!r}, y = {y!r}, z = {z!r}{factor}}},")
-    dead, inverted = (np.flatnonzero(array.gains == gain).tolist() for gain in (0, -1))
-    return "\n".join([*lines, "]", f"dead = {dead}", f"inverted = {inverted}", ""])
+    return to_toml(describe(array))
 
 
 def match_channels(array: SensorArray, recording: Recording) -> SensorArray:

@@ -123,6 +123,21 @@ def build(description: ArrayDescription, folder: Path) -> SensorArray:
     return sensor_array(positions, speed, gains, names)
 
 
+def describe(array: SensorArray) -> ArrayDescription:
+    """Description of an array, channel by channel; `build` gives the same array back.
+
+    Examples
+    --------
+    >>> describe(line_array(count=2, spacing=3.0)).channels[0].y
+    -1.5
+    """
+    columns = array.channel_names, array.positions.tolist(), array.gains.tolist()
+    channels = [
+        ChannelDescription(name=name, x=x, y=y, z=z, gain=gain) for name, (x, y, z), gain in zip(*columns, strict=True)
+    ]
+    return ArrayDescription(sound_speed=array.sound_speed, channels=channels)
+
+
 def read_positions(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     """Positions and names of the channels in an array file of Acoular.
 

@@ -1,0 +1,36 @@
+"""The command line: it reads, calls and prints, and does no arithmetic of its own.
+
+What a command needs is imported when it runs, so that `--help` answers at once.
+"""
+
+import sys
+
+import typer
+
+from faintrack.cli import commands
+from faintrack.errors import InputError
+
+app = typer.Typer(
+    name="faintrack",
+    help="Detect and follow targets too quiet to threshold, from raw sensor data.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+app.command("demo")(commands.demo)
+app.command("simulate")(commands.simulate)
+app.command("track")(commands.track)
+app.command("report")(commands.report)
+app.command("bench")(commands.bench)
+
+
+def main() -> None:
+    """Run the command line; input that cannot be used is one sentence on standard error and exit status 2."""
+    try:
+        app()
+    except InputError as error:
+        print(f"faintrack: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("faintrack: interrupted; nothing was written.", file=sys.stderr)
+        sys.exit(130)

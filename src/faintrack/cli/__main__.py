@@ -1,0 +1,5 @@
+"""Entry of `python -m faintrack.cli`."""
+
+from faintrack.cli import main
+
+main()

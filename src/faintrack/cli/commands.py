@@ -1,0 +1,134 @@
+"""The commands, one function each; the docstring is what `--help` shows."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object for programs.")]
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for recording, array file and result.")] = Path("demo"),
+) -> None:
+    """Simulate a faint source, track it from the file, and leave a report.
+
+    32 towed hydrophones hear three minutes; after one minute a source at -30 dB appears, far below what a frame can
+    show.
+
+    Example: [bold]faintrack demo --out demo[/bold]
+    """
+    from importlib.resources import files
+
+    from faintrack.cli.running import run_simulation, run_track
+    from faintrack.cli.tables import print_findings
+    from faintrack.io import read, read_array
+    from faintrack.io.arrays import array_toml
+    from faintrack.io.results import make_folder
+    from faintrack.scenario import read as read_scenario
+    from faintrack.scenario.simulate import simulated_array
+
+    scenario = read_scenario(Path(str(files("faintrack.scenario") / "demo.toml")))
+    array = simulated_array(scenario, Path())
+    make_folder(out)
+    recording_file, array_file = out / "recording.wav", out / "array.toml"
+    array_file.write_text(array_toml(array))
+    run_simulation(scenario, array, recording_file)
+    result = run_track(read(recording_file), read_array(array_file), scenario, out / "result", quiet=False)
+    print_findings(result)
+    print(f"recording  {recording_file}")
+    print(f"report     {out / 'result' / 'report.html'}")
+
+
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="TOML file with [array] and [simulation].")],
+    out: Annotated[Path, typer.Option(help="Recording to write: .h5 (as Acoular), .wav or .zarr.")],
+) -> None:
+    """Draw the samples of an array that hears moving sources in noise.
+
+    Example: [bold]faintrack simulate scenario.toml --out recording.h5[/bold]
+    """
+    from faintrack.cli.running import naming, run_simulation
+    from faintrack.scenario import read as read_scenario
+    from faintrack.scenario.simulate import simulated_array
+
+    what = read_scenario(scenario)
+    with naming(scenario):
+        run_simulation(what, simulated_array(what, scenario.parent), out)
+    print(f"recording  {out}")
+
+
+def track(
+    recording: Annotated[
+        list[Path],
+        typer.Argument(help="WAV, FLAC, HDF5, Zarr, SAC, miniSEED; channels of several files are put side by side."),
+    ],
+    array: Annotated[Path | None, typer.Option(help="TOML or Acoular XML with the channels' positions.")] = None,
+    band: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequencies to use; Hz.")
+    ] = None,
+    frame: Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans; 1 s where not given.")] = None,
+    scenario: Annotated[Path | None, typer.Option(help="TOML file with everything else.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Find and follow the sources in a recording of an array.
+
+    Example: [bold]faintrack track night.wav --array array.toml --band 100 1500 --out night[/bold]
+    """
+    from faintrack.cli.running import naming, run_track
+    from faintrack.cli.tables import print_tracks
+    from faintrack.errors import InputError
+    from faintrack.io import match_channels, read, read_array
+    from faintrack.scenario import read as read_scenario
+    from faintrack.scenario.array import build
+    from faintrack.session import with_analysis
+
+    base = None if scenario is None else read_scenario(scenario)
+    if array is not None:
+        geometry = read_array(array)
+    elif base is not None and scenario is not None and base.array is not None:
+        with naming(scenario):
+            geometry = build(base.array, scenario.parent)
+    else:
+        raise InputError("no array was given; expected --array FILE, or a --scenario FILE with [array].")
+    samples = read(*recording)
+    what = with_analysis(base, band, frame)
+    result = run_track(samples, match_channels(geometry, samples), what, out, quiet=as_json)
+    if as_json:
+        print(json.dumps(result.summary()))
+    else:
+        print_tracks(result)
+        if out is not None:
+            print(f"report     {out / 'report.html'}")
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder that `faintrack track --out` wrote.")],
+    out: Annotated[Path | None, typer.Option(help="HTML file; report.html in the folder where not given.")] = None,
+) -> None:
+    """Draw the report of a result again.
+
+    Example: [bold]faintrack report night[/bold]
+    """
+    from faintrack.io.results import read_result
+    from faintrack.plots.report import write_report
+
+    result = read_result(folder)
+    print(f"report     {write_report(out or folder / 'report.html', result)}")
+
+
+def bench(as_json: Json = False) -> None:
+    """Measure speed against peers and against the machine's own limit, all in this run.
+
+    Example: [bold]faintrack bench[/bold]
+    """
+    from faintrack.bench import run
+    from faintrack.cli.tables import print_bench
+
+    rows = run()
+    if as_json:
+        print(json.dumps({"rows": [row.as_dict() for row in rows]}))
+    else:
+        print_bench(rows)

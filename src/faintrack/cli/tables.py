@@ -1,0 +1,95 @@
+"""Tables as a terminal shows them."""
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from faintrack.scenario.simulate import sources_of
+from faintrack.session import Result
+from faintrack.truth import false_tracks, findings, main_lobe_deg
+
+if TYPE_CHECKING:
+    from faintrack.bench import Row
+
+
+def print_tracks(result: Result) -> None:
+    """Tracks of a result, and how fast it came."""
+    if result.tracks:
+        columns = ("track", "start s", "end s", "bearing deg", "std deg", "SNR dB", "existence")
+        rows = (
+            (
+                str(track.label),
+                f"{track.start_s:.1f}",
+                f"{track.end_s:.1f}",
+                f"{track.bearing_deg:.1f}",
+                f"{track.bearing_std_deg:.1f}",
+                f"{track.snr_db:.1f}",
+                f"{track.existence_max:.4f}",
+            )
+            for track in result.tracks
+        )
+        _print(columns, rows)
+    summary = result.summary()
+    masked = f", {summary['masked_frames']} with masked channels" if summary["masked_frames"] else ""
+    print(
+        f"{len(result.tracks)} tracks in {summary['frames']} frames{masked}; "
+        f"{summary['seconds']:.1f} s, {summary['realtime_factor']:.0f} times real time"
+    )
+
+
+def print_findings(result: Result) -> None:
+    """What was found of the sources of a simulated recording, beside the truth."""
+    table = result.scenario.simulation
+    assert table is not None, "found against true needs a simulation"
+    sources = sources_of(table)
+    circular = result.array.circular
+    lobe = main_lobe_deg(result.array, result.scenario.analysis.band, table.sample_rate)
+    columns = ("source", "appears s", "declared s", "bearing error deg", "SNR dB", "found dB", "followed")
+    rows = []
+    for number, found in enumerate(findings(result.data, sources, lobe, circular), start=1):
+        declared = "never" if found.declared_s is None else f"{found.declared_s:.1f}"
+        error = "" if found.bearing_rmse_deg is None else f"{found.bearing_rmse_deg:.2f}"
+        snr_db = "" if found.found_snr_db is None else f"{found.found_snr_db:.1f}"
+        followed = f"{100 * found.followed:.0f} %"
+        rows.append((str(number), f"{found.start_s:.1f}", declared, error, f"{found.snr_db:.1f}", snr_db, followed))
+    print_tracks(result)
+    _print(columns, rows)
+    false = false_tracks(result.data, sources, lobe, circular)
+    print(f"main lobe  {lobe:.2f} degrees; false tracks: {len(false)}")
+
+
+def print_bench(rows: "Sequence[Row]") -> None:
+    """Rows of the benchmark."""
+    columns = ("name", "unit", "ours", "peer", "ratio", "machine's limit", "first run s", "note")
+
+    def number(value: float | None) -> str:
+        return "" if value is None else f"{value:.3g}"
+
+    _print(
+        columns,
+        (
+            (
+                row.name,
+                row.unit,
+                number(row.ours),
+                number(row.peer),
+                number(row.ratio),
+                number(row.limit),
+                number(row.compile_seconds),
+                row.note,
+            )
+            for row in rows
+        ),
+        text=("name", "unit", "note"),
+    )
+
+
+def _print(columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[str] = ()) -> None:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in columns:
+        table.add_column(column, justify="left" if column in text else "right")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)

@@ -1,0 +1,161 @@
+"""The result folder: what command line, figures and reports share.
+
+.. code-block:: text
+
+    result.zarr      one entry a frame, axes and units in the attributes (xarray)
+    tracks.csv       one row a track
+    scenario.toml    what was run, with the array; runs again as it is
+    versions.json    of the software, and what the run took
+
+It is written under another name beside its place and renamed when it is whole.
+"""
+
+import csv
+import dataclasses
+import importlib.metadata
+import json
+import platform
+import shutil
+import time as clock
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import xarray as xr
+
+from faintrack.errors import InputError
+from faintrack.scenario.array import build, describe
+from faintrack.scenario.model import Scenario, read, to_toml
+from faintrack.sensors.array import SensorArray
+from faintrack.session import Result, tracks_of
+from faintrack.tracks import BearingTrack
+
+CHUNK = 512
+"""Frames written at a time, and in one chunk of the store."""
+
+
+@contextmanager
+def result_folder(path: str | Path) -> Iterator[Path]:
+    """Yield a folder to write to; it takes the place of `path` when the block ends, and vanishes when it fails.
+
+    Raises
+    ------
+    InputError : `path` is something other than an earlier result, or its parent is missing or cannot be written.
+    """
+    path = Path(path)
+    if path.exists() and not (path / "result.zarr").exists() and not (path.is_dir() and not any(path.iterdir())):
+        raise InputError(f"{path} exists and is no result of faintrack; expected another name for --out.")
+    partial = path.with_name(path.name + ".partial")
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}).") from error
+    try:
+        yield partial
+        if path.exists():
+            shutil.rmtree(path)
+        partial.rename(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror or error}).") from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder unless it is there.
+
+    Raises
+    ------
+    InputError : it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}).") from error
+
+
+def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario, array: SensorArray) -> Result:
+    """Write a result block by block and return it, its data read from the folder as needed.
+
+    Parameters
+    ----------
+    folder : that exists and is empty.
+    blocks : consecutive frames; see `faintrack.session.track_blocks`.
+    scenario, array : what was run.
+    """
+    start = clock.perf_counter()
+    store = folder / "result.zarr"
+    held: list[xr.Dataset] = []
+    written = False
+
+    def flush() -> None:
+        nonlocal written
+        data = xr.concat(held, "time", combine_attrs="override")
+        if written:
+            data.to_zarr(store, append_dim="time", consolidated=False)
+        else:
+            chunks = {
+                name: {"chunks": (CHUNK, *array.shape[1:])}
+                for name, array in data.variables.items()
+                if "time" in array.dims
+            }
+            data.to_zarr(store, mode="w", encoding=chunks, consolidated=False)
+        written = True
+        held.clear()
+
+    for block in blocks:
+        held.append(block)
+        if sum(part.sizes["time"] for part in held) >= CHUNK:
+            flush()
+    if held:
+        flush()
+    seconds = clock.perf_counter() - start
+    (folder / "scenario.toml").write_text(to_toml(scenario.model_copy(update={"array": describe(array)})))
+    (folder / "versions.json").write_text(json.dumps({"seconds": seconds, **versions()}, indent=2) + "\n")
+    data = _open(folder)
+    tracks = tracks_of(data)
+    write_tracks(folder / "tracks.csv", tracks)
+    return Result(data, tracks, scenario, array, seconds)
+
+
+def read_result(folder: str | Path) -> Result:
+    """Result of a folder.
+
+    Raises
+    ------
+    InputError : the folder is missing, or is no whole result.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; expected the result of faintrack track --out.")
+    if not (folder / "result.zarr").exists():
+        raise InputError(f"{folder} has no result.zarr; expected the result of faintrack track --out.")
+    scenario = read(folder / "scenario.toml")
+    if scenario.array is None:
+        raise InputError(f"{folder / 'scenario.toml'} has no [array]; expected the one that was used.")
+    try:
+        seconds = float(json.loads((folder / "versions.json").read_text())["seconds"])
+        data = _open(folder)
+        tracks = tracks_of(data)
+    except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
+        raise InputError(f"{folder} is damaged or incomplete ({error}).") from error
+    return Result(data, tracks, scenario, build(scenario.array, folder), seconds)
+
+
+def write_tracks(path: Path, tracks: list[BearingTrack]) -> None:
+    """Tracks as CSV: a header with the fields of `BearingTrack`, a row a track."""
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, [field.name for field in dataclasses.fields(BearingTrack)])
+        writer.writeheader()
+        writer.writerows(track.as_dict() for track in tracks)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a result depends on."""
+    names = ("faintrack", "jax", "jaxlib", "equinox", "numpy", "scipy", "xarray", "zarr")
+    return {"python": platform.python_version(), **{name: importlib.metadata.version(name) for name in names}}
+
+
+def _open(folder: Path) -> xr.Dataset:
+    return xr.open_zarr(folder / "result.zarr", chunks=None, consolidated=False)

@@ -1,0 +1,100 @@
+"""A report of one file that a person can mail: summary, picture, table of tracks."""
+
+import base64
+import html
+import io
+from pathlib import Path
+
+from faintrack.plots.bearing import draw_result
+from faintrack.scenario import to_toml
+from faintrack.session import Result
+
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a;
+background: #fff; } h1 { font-size: 1.5rem; margin-bottom: 0.25rem; } h2 { font-size: 1.1rem; margin-top: 2rem; }
+img { width: 100%; height: auto; }
+table { border-collapse: collapse; } th, td { padding: 0.25rem 0.9rem; border-bottom: 1px solid #ddd; text-align:
+right; }
+th { text-align: right; font-weight: 600; } pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size:
+13px; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: 0.1rem 1.2rem; } dt { color: #555; } dd { margin: 0; }
+"""
+
+COLUMNS = (
+    ("label", "track", "{:d}"),
+    ("start_s", "start (s)", "{:.1f}"),
+    ("end_s", "end (s)", "{:.1f}"),
+    ("bearing_deg", "bearing (deg)", "{:.1f}"),
+    ("bearing_std_deg", "std (deg)", "{:.1f}"),
+    ("snr_db", "SNR (dB)", "{:.1f}"),
+    ("existence_max", "largest existence", "{:.4f}"),
+)
+"""Field of a track, heading, format."""
+
+
+def write_report(path: str | Path, result: Result) -> Path:
+    """Write the report of a result as one self-contained HTML file, beside its place first and then renamed.
+
+    Returns
+    -------
+    The path.
+    """
+    path = Path(path)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(report(result), encoding="utf-8")
+        partial.rename(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def report(result: Result) -> str:
+    """HTML text of a report."""
+    data = result.data
+    frame = result.scenario.analysis.frame
+    band = result.scenario.analysis.band
+    alive = result.array.alive
+    masked = int((data.masked_channels > 0).sum())
+    facts = {
+        "recording": data.attrs["source"],
+        "start": data.attrs["start_time"] or "not known",
+        "frames": f"{data.sizes['time']} of {frame:g} s",
+        "band": "all frequencies" if band is None else f"{band[0]:g} to {band[1]:g} Hz",
+        "array": f"{int(alive.sum())} of {len(alive)} channels in use, {result.array.sound_speed:g} m/s",
+        "bearings": f"degrees {data.beam.attrs['reference']}",
+        "frames with masked channels": f"{masked} (samples that are not finite)" if masked else "none",
+    }
+    rows = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in facts.items())
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>faintrack: {html.escape(Path(data.attrs["source"]).name)}</title><style>{STYLE}</style></head><body>
+<h1>{_count(len(result.tracks))} in {html.escape(Path(data.attrs["source"]).name)}</h1>
+<dl>{rows}</dl>
+<h2>Tracks</h2>{_table(result)}
+<h2>Record, existence, SNR</h2>
+<img alt="Bearing-time record with tracks, probability of existence, signal to noise ratio" src="{_picture(result)}">
+<h2>Scenario</h2><details><summary>What was run</summary><pre>{html.escape(to_toml(result.scenario))}</pre></details>
+</body></html>
+"""
+
+
+def _count(number: int) -> str:
+    return "No track" if number == 0 else f"{number} track{'s' if number > 1 else ''}"
+
+
+def _table(result: Result) -> str:
+    if not result.tracks:
+        return f"<p>Existence never reached {result.scenario.tracker.declare:g}.</p>"
+    head = "".join(f"<th>{heading}</th>" for _, heading, _ in COLUMNS)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{form.format(getattr(track, field))}</td>" for field, _, form in COLUMNS) + "</tr>"
+        for track in result.tracks
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _picture(result: Result) -> str:
+    buffer = io.BytesIO()
+    draw_result(result).savefig(buffer, format="png", dpi=130)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
