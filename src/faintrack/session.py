@@ -16,10 +16,12 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
+from pydantic import ValidationError
 
 from faintrack.belief import Belief
-from faintrack.errors import InputError
+from faintrack.errors import InputError, naming
 from faintrack.recording import Recording
+from faintrack.scenario.array import problem
 from faintrack.scenario.build import build_beamformer, build_tracker
 from faintrack.scenario.model import Analysis, Scenario
 from faintrack.sensors.array import SensorArray
@@ -154,7 +156,10 @@ def with_analysis(
     """Scenario whose band and frame are replaced where given; defaults where there is no scenario."""
     scenario = Scenario() if scenario is None else scenario
     given = {name: value for name, value in (("band", band), ("frame", frame)) if value is not None}
-    analysis = Analysis(**{**scenario.analysis.model_dump(), **given})
+    try:
+        analysis = Analysis(**{**scenario.analysis.model_dump(), **given})
+    except ValidationError as error:
+        raise InputError(problem(error)) from error
     return scenario.model_copy(update={"analysis": analysis})
 
 
@@ -249,7 +254,8 @@ def _advance(
     """Yield blocks of frames with the tracker's state after them, its estimates and the rows of the record."""
     if recording.channels != len(array.gains):
         raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(array.gains)}.")
-    plan = build_beamformer(scenario, array, recording.sample_rate)
+    with naming(recording.source):
+        plan = build_beamformer(scenario, array, recording.sample_rate)
     length = round(scenario.analysis.frame * recording.sample_rate)
     count = recording.length // length
     if count == 0:

@@ -49,7 +49,8 @@ def simulate(
 
     Example: [bold]faintrack simulate scenario.toml --out recording.h5[/bold]
     """
-    from faintrack.cli.running import naming, run_simulation
+    from faintrack.cli.running import run_simulation
+    from faintrack.errors import naming
     from faintrack.scenario import read as read_scenario
     from faintrack.scenario.simulate import simulated_array
 
@@ -77,9 +78,9 @@ def track(
 
     Example: [bold]faintrack track night.wav --array array.toml --band 100 1500 --out night[/bold]
     """
-    from faintrack.cli.running import naming, run_track
+    from faintrack.cli.running import run_track
     from faintrack.cli.tables import print_tracks
-    from faintrack.errors import InputError
+    from faintrack.errors import InputError, naming
     from faintrack.io import match_channels, read, read_array
     from faintrack.scenario import read as read_scenario
     from faintrack.scenario.array import build

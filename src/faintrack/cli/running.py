@@ -3,13 +3,11 @@
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
 import jax
 
-from faintrack.errors import InputError
 from faintrack.io import write_recording
 from faintrack.io.results import read_result, result_folder, write_result
 from faintrack.plots.report import write_report
@@ -75,12 +73,3 @@ def keep_compilations() -> None:
     jax.config.update("jax_compilation_cache_dir", str(cache))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Put a file's name before what is said of its content."""
-    try:
-        yield
-    except InputError as error:
-        raise error if str(error).startswith(str(path)) else InputError(f"{path}: {error}") from error

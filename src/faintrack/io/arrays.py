@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from faintrack.errors import InputError
+from faintrack.errors import InputError, naming
 from faintrack.io.checks import explained, require_file
 from faintrack.recording import Recording
 from faintrack.scenario.array import ArrayDescription, build, describe, problem
@@ -41,13 +41,11 @@ def read_array(path: str | Path) -> SensorArray:
         raise InputError(f"{path}: unknown kind of array file; expected .toml or .xml.")
     require_file(path)
     table = {"positions_file": path.name} if suffix == ".xml" else _toml(path)
-    try:
-        return build(ArrayDescription.model_validate(table), path.parent)
-    except ValidationError as error:
-        raise InputError(f"{path}: {problem(error)}") from error
-    except InputError as error:
-        # A sentence about the positions file may name that file already.
-        raise error if str(error).startswith(str(path)) else InputError(f"{path}: {error}") from error
+    with naming(path):
+        try:
+            return build(ArrayDescription.model_validate(table), path.parent)
+        except ValidationError as error:
+            raise InputError(problem(error)) from error
 
 
 def array_toml(array: SensorArray) -> str:

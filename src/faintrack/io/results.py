@@ -22,6 +22,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import xarray as xr
+import zarr
 
 from faintrack.errors import InputError
 from faintrack.scenario.array import build, describe
@@ -95,12 +96,13 @@ def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario,
         if written:
             data.to_zarr(store, append_dim="time", consolidated=False)
         else:
-            chunks = {
-                name: {"chunks": (CHUNK, *array.shape[1:])}
-                for name, array in data.variables.items()
-                if "time" in array.dims
+            encoding = {
+                name: {"chunks": (CHUNK, *values.shape[1:])}
+                for name, values in data.variables.items()
+                if "time" in values.dims
             }
-            data.to_zarr(store, mode="w", encoding=chunks, consolidated=False)
+            # Format 2: it has consolidated metadata in its specification, and every reader of Zarr knows it.
+            data.to_zarr(store, mode="w", encoding=encoding, consolidated=False, zarr_format=2)
         written = True
         held.clear()
 
@@ -110,6 +112,7 @@ def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario,
             flush()
     if held:
         flush()
+    zarr.consolidate_metadata(store)
     seconds = clock.perf_counter() - start
     (folder / "scenario.toml").write_text(to_toml(scenario.model_copy(update={"array": describe(array)})))
     (folder / "versions.json").write_text(json.dumps({"seconds": seconds, **versions()}, indent=2) + "\n")
@@ -158,4 +161,4 @@ def versions() -> dict[str, str]:
 
 
 def _open(folder: Path) -> xr.Dataset:
-    return xr.open_zarr(folder / "result.zarr", chunks=None, consolidated=False)
+    return xr.open_zarr(folder / "result.zarr", chunks=None)

@@ -90,8 +90,9 @@ def draw_existence(axes: Axes, result: Result) -> None:
     for name in ("declare", "drop"):
         level = getattr(result.scenario.tracker, name)
         axes.axhline(level, color=GREY, linestyle="--", linewidth=0.8)
-        place = {"xycoords": ("axes fraction", "data"), "xytext": (3, -9), "textcoords": "offset points"}
-        axes.annotate(f"{name} {level:g}", (0, level), fontsize=8, color=GREY, **place)
+        axes.text(
+            0.003, level - 0.09, f"{name} {level:g}", transform=axes.get_yaxis_transform(), fontsize=8, color=GREY
+        )
     axes.set_ylim(-0.02, 1.05)
     axes.set_ylabel("probability of\nexistence")
     axes.grid(alpha=0.3)

@@ -1,0 +1,111 @@
+"""The whole, from scenario to report, through the command line."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from faintrack.io.results import read_result
+from tests.cli.calling import SCENARIO, call
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with a simulated recording, its array and its result."""
+    folder = tmp_path_factory.mktemp("tracked")
+    (folder / "scenario.toml").write_text(SCENARIO)
+    assert call("simulate", folder / "scenario.toml", "--out", folder / "recording.h5").status == 0
+    done = call("track", folder / "recording.h5", "--scenario", folder / "scenario.toml", "--out", folder / "result")
+    assert done.status == 0, done.err
+    (folder / "printed").write_text(done.out)
+    return folder
+
+
+def test_result_folder_holds_what_it_should(tracked: Path) -> None:
+    result = tracked / "result"
+    assert sorted(path.name for path in result.iterdir()) == [
+        "report.html",
+        "result.zarr",
+        "scenario.toml",
+        "tracks.csv",
+        "versions.json",
+    ]
+    data = xr.open_zarr(result / "result.zarr", chunks=None)
+    assert data.sizes == {"time": 40, "beam": 180}
+    assert all("units" in data[name].attrs for name in data.variables)
+    assert data.bearing.attrs["reference"] == "from the array axis"
+    assert set(json.loads((result / "versions.json").read_text())) >= {"faintrack", "jax", "python", "seconds"}
+
+
+def test_the_source_is_found_and_nothing_else(tracked: Path) -> None:
+    header, *rows = (tracked / "result" / "tracks.csv").read_text().splitlines()
+    assert header == "label,start_s,end_s,bearing_deg,bearing_std_deg,snr_db,existence_max"
+    (row,) = (line.split(",") for line in rows)
+    assert 10 < float(row[1]) < 25
+    # The scene's main lobe is 14 degrees wide.
+    assert abs(float(row[3]) - 60) < 14
+    assert "1 tracks in 40 frames" in (tracked / "printed").read_text()
+
+
+def test_the_scenario_in_the_result_runs_again_and_gives_the_same(tracked: Path) -> None:
+    again = call(
+        "track",
+        tracked / "recording.h5",
+        "--scenario",
+        tracked / "result" / "scenario.toml",
+        "--out",
+        tracked / "again",
+    )
+    assert again.status == 0, again.err
+    first, second = (read_result(tracked / name).data for name in ("result", "again"))
+    np.testing.assert_array_equal(first.existence, second.existence)
+
+
+def test_json_has_the_promised_fields(tracked: Path) -> None:
+    done = call("track", tracked / "recording.h5", "--scenario", tracked / "scenario.toml", "--json")
+    printed = json.loads(done.out)
+    assert set(printed) >= {"tracks", "frames", "seconds", "realtime_factor"}
+    assert printed["frames"] == 40
+    (track,) = printed["tracks"]
+    assert set(track) == {"label", "start_s", "end_s", "bearing_deg", "bearing_std_deg", "snr_db", "existence_max"}
+
+
+def test_band_and_frame_of_the_command_line_count(tracked: Path) -> None:
+    out = tracked / "narrow"
+    done = call(
+        "track",
+        tracked / "recording.h5",
+        *("--scenario", tracked / "scenario.toml", "--band", "100", "300", "--frame", "2", "--out", out),
+    )
+    assert done.status == 0, done.err
+    analysis = tomllib.loads((out / "scenario.toml").read_text())["analysis"]
+    assert analysis["band"] == [100.0, 300.0]
+    assert read_result(out).data.sizes["time"] == 20
+
+
+def test_report_is_one_self_contained_file(tracked: Path) -> None:
+    (tracked / "result" / "report.html").unlink()
+    assert call("report", tracked / "result").status == 0
+    text = (tracked / "result" / "report.html").read_text()
+    assert "data:image/png;base64," in text
+    assert "http" not in text.replace("http-equiv", "")
+    assert "1 track in recording.h5" in text
+
+
+def test_an_earlier_result_is_replaced(tracked: Path) -> None:
+    out = tracked / "twice"
+    for _ in range(2):
+        assert (
+            call("track", tracked / "recording.h5", "--scenario", tracked / "scenario.toml", "--out", out).status == 0
+        )
+    assert not list(tracked.glob("*.partial"))
+
+
+@pytest.mark.parametrize("command", ["demo", "simulate", "track", "report", "bench"])
+def test_help_shows_an_example(command: str) -> None:
+    done = call(command, "--help")
+    assert done.status == 0
+    assert f"faintrack {command}" in done.out.split("Example")[1]
