@@ -8,6 +8,13 @@ Prediction mixes the survivors with newborn targets (bosser2022, eq. 1):
 
 with the survivors resampled and moved, and the newborn drawn from the birth density afresh. The measurement enters by
 `faintrack.belief.update`, the same for every filter.
+
+In continuous time a target may also leave and another appear within one interval (`Target.replacement`); that part of
+:math:`p_s q` belongs to the newborn.
+
+A loud source has a likelihood far narrower than the gaps between newborn particles. Newborn particles may then be
+**guided**: drawn where the scan points, with weights that make up for it, so that they still stand for the birth
+density.
 """
 
 from collections.abc import Callable
@@ -22,6 +29,7 @@ from faintrack.belief import Belief
 from faintrack.filters.resampling import systematic
 from faintrack.targets.target import Target
 
+Guide = Callable[[Any, PRNGKeyArray, int], tuple[Any, Float[Array, " count"]]]
 Resample = Callable[[PRNGKeyArray, Array, Any, int], Int[Array, " slots"]]
 
 
@@ -56,15 +64,27 @@ class BernoulliParticleFilter(eqx.Module):
             jnp.full_like(like, time),
         )
 
-    def predict(self, belief: Belief, time: Float[Array, ""] | float, key: PRNGKeyArray) -> Belief:
-        """Belief carried forward to `time` (the module's equation)."""
+    def predict(
+        self, belief: Belief, time: Float[Array, ""] | float, key: PRNGKeyArray, guide: Guide | None = None
+    ) -> Belief:
+        """Belief carried forward to `time` (the module's equation).
+
+        Parameters
+        ----------
+        belief, time : what to carry forward, and to when; seconds.
+        key : random key.
+        guide : draws newborn states in place of the birth density: a function of (birth, key, count) to states and the
+            natural log of weights, birth density over density of the draws.
+        """
         for_resampling, for_motion, for_birth = jax.random.split(key, 3)
         dtype = belief.log_weights.dtype
         time = jnp.asarray(time, dtype)
         interval = time - belief.time
         appears, stays = self.target.transition(interval)
         there, absent = jax.nn.log_sigmoid(belief.log_odds), jax.nn.log_sigmoid(-belief.log_odds)
-        survived, arrived = jnp.log(stays) + there, jnp.log(appears) + absent
+        replaced = self.target.replacement(interval)
+        survived = jnp.log(stays - replaced) + there
+        arrived = jnp.logaddexp(jnp.log(appears) + absent, jnp.log(replaced) + there)
         log_existence = jnp.logaddexp(survived, arrived)
         log_absence = jnp.logaddexp(jnp.log1p(-stays) + there, jnp.log1p(-appears) + absent)
 
@@ -72,7 +92,12 @@ class BernoulliParticleFilter(eqx.Module):
         chosen = self.resample(for_resampling, belief.log_weights, self.particles, slots)
         survivors = jax.tree.map(lambda component: component[chosen], belief.states)
         survivors = self.target.motion.move(survivors, interval, for_motion)
-        newborn = self.target.birth.sample(for_birth, self.births)
+        if guide is None:
+            newborn, correction = self.target.birth.sample(for_birth, self.births), jnp.zeros(self.births, dtype)
+        else:
+            newborn, correction = guide(self.target.birth, for_birth, self.births)
+            # Weights are the belief's: they sum to the newborn's share, whatever the draws.
+            correction = correction - jax.nn.logsumexp(correction) + jnp.log(self.births)
         states = jax.tree.map(lambda old, new: jnp.concatenate([old, new.astype(dtype)]), survivors, newborn)
 
         # Where no target can exist yet, as in a scan at the time of the start, the newborn are what is believed.
@@ -80,7 +105,7 @@ class BernoulliParticleFilter(eqx.Module):
         share_survived = jnp.where(possible, survived - log_existence, -jnp.inf)
         share_arrived = jnp.where(possible, arrived - log_existence, 0)
         each = jnp.where(jnp.arange(slots) < self.particles, share_survived - jnp.log(self.particles), -jnp.inf)
-        each_newborn = jnp.full(self.births, share_arrived - jnp.log(self.births))
+        each_newborn = share_arrived - jnp.log(self.births) + correction
         assert belief.born is not None
         return Belief(
             states,

@@ -1,6 +1,7 @@
 """A filter over many scans, compiled as one loop."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -9,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.belief import Belief, update
+from faintrack.filters.guide import guide
 
 
 @runtime_checkable
@@ -31,10 +33,14 @@ class Likelihood(Protocol):
 
 
 def step(
-    filter: Filter, likelihood: Likelihood, belief: Belief, scan: Any, key: PRNGKeyArray
+    filter: Filter, likelihood: Likelihood, belief: Belief, scan: Any, key: PRNGKeyArray, guided: bool = False
 ) -> tuple[Belief, Float[Array, ""]]:
-    """Predict to the time of a scan and take it in; returns the belief and the log evidence."""
-    predicted = filter.predict(belief, scan.time, key)
+    """Predict to the time of a scan and take it in; returns the belief and the log evidence.
+
+    With `guided`, newborn particles are drawn where the scan points (`faintrack.filters.guide`).
+    """
+    more = {"guide": partial(guide, likelihood, scan)} if guided else {}
+    predicted = filter.predict(belief, scan.time, key, **more)
     return update(predicted, likelihood.log_ratio(scan, predicted.states))
 
 

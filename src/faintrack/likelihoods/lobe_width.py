@@ -36,8 +36,16 @@ class LobeWidth(eqx.Module):
     inside: Float[np.ndarray, "bearing bearing"]
     exponent: float = 5.0
 
+    def table(self, scan: BeamScan, snr_db: Float[Array, " snr"]) -> Float[Array, "bearing snr"]:
+        """Log ratio at every bearing of the grid, the same at every SNR."""
+        return jnp.broadcast_to(self._log_ratios(scan)[:, None], (self.grid.beams, snr_db.size))
+
     def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
         """Natural log of the module's ratio at the states' bearings; the SNR is not read."""
+        index, weight = bearing_neighbours(self.grid, states.bearing)
+        return jnp.sum(self._log_ratios(scan)[index] * weight, axis=-1)
+
+    def _log_ratios(self, scan: BeamScan) -> Float[Array, " bearing"]:
         power = jnp.sum(scan.beam_power, axis=0)
         tiny = jnp.finfo(power.dtype).tiny
         # Only ratios of powers count: the largest is set to 1, so that the exponent cannot overflow.
@@ -46,9 +54,7 @@ class LobeWidth(eqx.Module):
         # Silence is the same on both sides, and a null stays a number that can be interpolated.
         within = jnp.maximum(inside @ contrast / inside.sum(axis=1), tiny)
         outside = jnp.maximum((1 - inside) @ contrast / (1 - inside).sum(axis=1), tiny)
-        index, weight = bearing_neighbours(self.grid, states.bearing)
-        log_ratio = jnp.sum(jnp.log(within / outside)[index] * weight, axis=-1)
-        return jnp.where(scan.channels >= 2, log_ratio, 0)
+        return jnp.where(scan.channels >= 2, jnp.log(within / outside), 0)
 
 
 def lobe_width_likelihood(grid: BeamGrid, width: float, exponent: float = 5.0) -> LobeWidth:

@@ -55,12 +55,13 @@ class UnknownNoise(eqx.Module):
         low, high = self.snr_db
         return np.linspace(low, high, max(4, math.ceil(high - low) + 1))
 
-    def table(self, scan: BeamScan) -> Float[Array, "bearing snr"]:
-        """Log ratio at every bearing of the grid and every SNR of the table."""
+    def table(self, scan: BeamScan, snr_db: Float[Array, " snr"] | None = None) -> Float[Array, "bearing snr"]:
+        """Log ratio at every bearing of the grid and every SNR; those of the table where not given; dB."""
+        snr_db = jnp.asarray(self.snr_axis_db) if snr_db is None else snr_db
         heard = scan.total_power > 0
         share = scan.beam_power / jnp.where(heard, scan.channels * scan.total_power, jnp.inf)[:, None]
         share = jnp.minimum(share, 1.0)
-        gain = scan.channels * jnp.asarray(10 ** (self.snr_axis_db / 10), share.dtype)
+        gain = scan.channels * 10 ** (snr_db.astype(share.dtype) / 10)
         # One logarithm serves as many factors as float32 can multiply: each is at least 1 / (1 + M a).
         group = int(87 / math.log1p(MOST_CHANNELS * 10 ** (self.snr_db[1] / 10)))
         padded = jnp.pad(share, ((0, -share.shape[0] % group), (0, 0)))

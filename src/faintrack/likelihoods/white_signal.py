@@ -38,6 +38,10 @@ class WhiteSignal(eqx.Module):
     grid: BeamGrid
     noise_power: Float[Array, "*frequency"]
 
+    def table(self, scan: BeamScan, snr_db: Float[Array, " snr"]) -> Float[Array, "bearing snr"]:
+        """Log ratio at every bearing of the grid and the given SNR; dB."""
+        return self._ratio(scan, self._powers(scan)[:, None], snr_db)
+
     def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
         r"""Natural log of p(scan | source at state) / p(scan | no source).
 
@@ -50,10 +54,17 @@ class WhiteSignal(eqx.Module):
         -----
         The module's equation. Check: the mean of exp(log ratio) under noise is 1.
         """
-        powers = jnp.sum(scan.beam_power / jnp.broadcast_to(self.noise_power, scan.total_power.shape)[:, None], axis=0)
         index, weight = bearing_neighbours(self.grid, states.bearing)
-        power = jnp.sum(powers[index] * weight, axis=-1)
-        snr = 10 ** (states.snr_db / 10)
+        power = jnp.sum(self._powers(scan)[index] * weight, axis=-1)
+        return self._ratio(scan, power, states.snr_db)
+
+    def _powers(self, scan: BeamScan) -> Float[Array, " bearing"]:
+        """Beam power over noise power, summed over the band."""
+        noise_power = jnp.broadcast_to(self.noise_power, scan.total_power.shape)
+        return jnp.sum(scan.beam_power / noise_power[:, None], axis=0)
+
+    def _ratio(self, scan: BeamScan, power: Array, snr_db: Array) -> Array:
+        snr = 10 ** (snr_db / 10)
         gain = scan.channels * snr
         count = self.grid.snapshots * scan.total_power.size
         log_ratio = snr / (1 + gain) * power - count * jnp.log1p(gain)

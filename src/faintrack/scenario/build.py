@@ -67,7 +67,9 @@ def build_tracker(
             )
         likelihood = lobe_width_likelihood(plan.grid, width, table.exponent)
     particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
-    return SingleTargetTracker(particles, likelihood, scenario.tracker.declare, scenario.tracker.drop)
+    return SingleTargetTracker(
+        particles, likelihood, scenario.tracker.declare, scenario.tracker.drop, scenario.filter.guided
+    )
 
 
 def build_target(table: TargetTable, snr_db: tuple[float, float], circular: bool) -> Target:

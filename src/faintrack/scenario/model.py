@@ -101,10 +101,19 @@ class LikelihoodTable(Table):
 
 
 class FilterTable(Table):
-    """The particle filter: particles that follow a target, newborn particles a scan, the seed of its random numbers."""
+    """The particle filter.
+
+    Attributes
+    ----------
+    particles : that follow a target.
+    births : newborn particles a scan.
+    guided : whether newborn particles are drawn where the scan points, which loud sources need; otherwise everywhere.
+    seed : of the random numbers.
+    """
 
     particles: int = Field(default=1000, ge=10, le=1_000_000)
     births: int = Field(default=250, ge=10, le=1_000_000)
+    guided: bool = True
     seed: int = Field(default=0, ge=0)
 
 

@@ -70,8 +70,8 @@ class Target(eqx.Module):
     departure_rate : of a present target; per second.
     """
 
-    birth: UniformBirth
-    motion: Motion
+    birth: Any
+    motion: Any
     arrival_rate: Scalar
     departure_rate: Scalar
 
@@ -81,6 +81,27 @@ class Target(eqx.Module):
         mixed = -jnp.expm1(-total * interval)
         share = jnp.where(total > 0, self.arrival_rate / jnp.where(total > 0, total, 1.0), 0.0)
         return share * mixed, 1.0 - (1.0 - share) * mixed
+
+    def replacement(self, interval: Scalar) -> Scalar:
+        r"""Probability that a present target leaves within `interval` seconds and a new one is there at its end.
+
+        Notes
+        -----
+        .. math:: p_s - e^{-\mu T}
+
+        the part of the survival probability in which the target is not the same. It is tiny, and it is what lets a
+        filter that has locked on to the wrong place start again while a target is certain to exist.
+
+        Examples
+        --------
+        >>> target = Target(birth=None, motion=None, arrival_rate=0.001, departure_rate=0.005)
+        >>> f"{float(target.replacement(1.0)):.3g}"
+        '2.49e-06'
+        """
+        total = self.arrival_rate + self.departure_rate
+        absent = jnp.where(total > 0, self.departure_rate / jnp.where(total > 0, total, 1.0), 0.0)
+        # A difference of two small numbers, so that float32 keeps its leading digits.
+        return jnp.maximum(absent * jnp.expm1(-total * interval) - jnp.expm1(-self.departure_rate * interval), 0.0)
 
 
 def rates(birth_probability: float, survival_probability: float, interval: float) -> tuple[float, float]:

@@ -72,12 +72,14 @@ class SingleTargetTracker(eqx.Module):
     filter, likelihood : what carries the belief, and what takes in a scan.
     declare : existence at which a track begins; above `drop`.
     drop : existence of the track below which it ends.
+    guided : whether newborn particles are drawn where the scan points.
     """
 
     filter: Filter
     likelihood: Likelihood
     declare: float = 0.97
-    drop: float = 0.5
+    drop: float = 0.3
+    guided: bool = eqx.field(static=True, default=False)
 
     def init(self, key: PRNGKeyArray) -> Following:
         """State before the first scan."""
@@ -87,7 +89,7 @@ class SingleTargetTracker(eqx.Module):
     def step(self, following: Following, scan: Any, key: PRNGKeyArray) -> tuple[Following, Estimate]:
         """Take in one scan. `key` is that of the whole recording; each scan makes its own from it."""
         key = jax.random.fold_in(key, following.scans)
-        belief, log_evidence = step(self.filter, self.likelihood, following.belief, scan, key)
+        belief, log_evidence = step(self.filter, self.likelihood, following.belief, scan, key, self.guided)
         weights = jnp.exp(belief.log_weights)
         born = belief.born
         assert born is not None, "tracks are told apart by when their particles were born"

@@ -1,0 +1,67 @@
+r"""Newborn particles drawn where a scan points.
+
+The birth density b is cut into cells between the beams and between values of the SNR. Cell c is drawn with probability
+
+.. math:: \pi_c = \frac{\alpha}{n} + (1 - \alpha) \frac{\ell_c}{\sum_k \ell_k}
+
+where :math:`\ell_c` is the mean ratio at the corners of the cell, n the number of cells, and :math:`\alpha` one half;
+the state is uniform
+within its cell. Its weight is :math:`1 / (n \pi_c)`, birth density over density of the draw, at most 2. The particles
+so stand for
+the birth density, as Monte Carlo integration with importance sampling does, and land where they can matter.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from faintrack.filters.resampling import systematic
+from faintrack.sensors.beams import BeamScan
+from faintrack.targets.states import BearingState
+from faintrack.targets.target import UniformBirth
+
+EVERYWHERE = 0.5
+"""Share of the newborn that is drawn from the birth density as it is."""
+
+SNR_CELLS = 20
+"""Cells of the SNR between the ends of the birth density."""
+
+
+def guide(
+    likelihood: Any, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
+) -> tuple[BearingState, Float[Array, " count"]]:
+    """Draw states from a birth density over all bearings, more of them where a scan points.
+
+    Parameters
+    ----------
+    likelihood : with `table(scan, snr_db)` and a grid of bearings.
+    scan : one frame.
+    birth : uniform; its SNR has an upper and a lower end, its bearings are those of the grid.
+    key : random key.
+    count : how many to draw.
+
+    Returns
+    -------
+    States, and the natural log of their weights, birth density over density of the draws.
+    """
+    grid = likelihood.grid
+    snr_db = birth.low.snr_db + (birth.high.snr_db - birth.low.snr_db) * jnp.linspace(0, 1, SNR_CELLS + 1)
+    table = likelihood.table(scan, snr_db)
+    following = jnp.roll(table, -1, axis=0)
+    pairs = jnp.logaddexp(table, following) if grid.circular else jnp.logaddexp(table[:-1], table[1:])
+    cells = jnp.logaddexp(pairs[:, :-1], pairs[:, 1:])
+    share = EVERYWHERE / cells.size + (1 - EVERYWHERE) * jax.nn.softmax(cells.ravel())
+    for_cell, for_place, for_rest = jax.random.split(key, 3)
+    chosen = systematic(for_cell, jnp.log(share), count, count)
+    place = jax.random.uniform(for_place, (2, count), table.dtype)
+    row, column = jnp.divmod(chosen, SNR_CELLS)
+    first, spacing = float(grid.bearing[0]), float(grid.bearing[1] - grid.bearing[0])
+    bearing = first + (row + place[0]) * spacing
+    step_db = (birth.high.snr_db - birth.low.snr_db) / SNR_CELLS
+    states = birth.sample(for_rest, count)
+    drawn = BearingState(
+        bearing.astype(table.dtype), states.bearing_rate, birth.low.snr_db + (column + place[1]) * step_db
+    )
+    return drawn, -jnp.log(share[chosen] * cells.size)
