@@ -30,14 +30,14 @@ class Beamformer(eqx.Module):
     first_bin : of the band, counted from zero frequency.
     snapshot : samples in a transform.
     gains : shape (channel,); correction of each channel, 0 for a dead one.
-    weights : shape (frequency, bearing, 2 channel); real parts of the steering beside the imaginary ones.
+    weights : shape (frequency, 2 channel, bearing); real parts of the steering above the imaginary ones.
     """
 
     grid: BeamGrid
     first_bin: int = eqx.field(static=True)
     snapshot: int = eqx.field(static=True)
     gains: Float[Array, " channel"]
-    weights: Float[Array, "frequency bearing channels2"]
+    weights: Float[Array, "frequency channels2 bearing"]
 
     def spectra(
         self, samples: Float[Array, "frame sample channel"]
@@ -45,23 +45,20 @@ class Beamformer(eqx.Module):
         """Unitary spectra of the snapshots of each frame, in the band, with the channels' gains applied."""
         count, _, channels = samples.shape
         samples = samples[:, : self.grid.snapshots * self.snapshot]
-        parts = (samples * self.gains).reshape(count, self.grid.snapshots, self.snapshot, channels)
-        bins = jnp.fft.rfft(parts, axis=2)[:, :, self.first_bin : self.first_bin + self.grid.frequency.size]
-        return bins / math.sqrt(self.snapshot)
+        scaled = samples * (self.gains / math.sqrt(self.snapshot))
+        parts = scaled.reshape(count, self.grid.snapshots, self.snapshot, channels)
+        return jnp.fft.rfft(parts, axis=2)[:, :, self.first_bin : self.first_bin + self.grid.frequency.size]
 
     def beam_power(
         self, spectra: Complex[Array, "frame snapshot frequency channel"]
     ) -> Float[Array, "frame frequency bearing"]:
         """Beam power of each bin and bearing, summed over the snapshots of a frame."""
-        count, snapshots = spectra.shape[:2]
-        columns = jnp.moveaxis(spectra, (2, 3), (0, 1)).reshape(*spectra.shape[2:], count * snapshots)
-        real, imag = columns.real, columns.imag
-        # One real product in place of a complex one: XLA multiplies batches of small complex matrices at half the
-        # speed.
-        both = jnp.concatenate([jnp.concatenate([real, imag], axis=1), jnp.concatenate([imag, -real], axis=1)], axis=2)
-        sums = jnp.einsum("fbc,fct->fbt", self.weights, both)
-        power = sums[..., : count * snapshots] ** 2 + sums[..., count * snapshots :] ** 2
-        return jnp.moveaxis(power.reshape(*power.shape[:2], count, snapshots).sum(axis=-1), 2, 0)
+        # Real products in place of a complex one: XLA multiplies batches of small complex matrices at half the speed.
+        straight = jnp.concatenate([spectra.real, spectra.imag], axis=-1)
+        turned = jnp.concatenate([spectra.imag, -spectra.real], axis=-1)
+        real = jnp.einsum("fcb,tkfc->ftkb", self.weights, straight)
+        imag = jnp.einsum("fcb,tkfc->ftkb", self.weights, turned)
+        return jnp.moveaxis(jnp.sum(real**2 + imag**2, axis=2), 0, 1)
 
     def scan(
         self,
@@ -163,6 +160,6 @@ def beamformer(
     if beams < 8:
         raise InputError(f"beams is {beams}; expected at least 8.")
     grid = BeamGrid(frequency, beams, length // size, array.circular)
-    vectors = steering(array, frequency, grid.bearing)
-    weights: np.ndarray = np.concatenate([vectors.real, vectors.imag], axis=-1).astype(dtype)
+    vectors = np.moveaxis(steering(array, frequency, grid.bearing), 1, 2)
+    weights: np.ndarray = np.concatenate([vectors.real, vectors.imag], axis=1, dtype=dtype)
     return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), jnp.asarray(weights))
