@@ -7,7 +7,8 @@ import pytest
 import xarray as xr
 
 from faintrack.io import read, read_array
-from faintrack.session import Result, track
+from faintrack.result import Result
+from faintrack.session import track
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "infrasound_array"
 ARRAY = """
@@ -60,8 +61,8 @@ def test_bearings_agree_with_infrapy(result: Result) -> None:
 
 
 def test_nothing_else_is_declared_but_the_arrival_from_the_north(result: Result) -> None:
-    # From 1110 s on a weak arrival comes from about 0 degrees. Beamforming with Hann windows and free speed finds it too: share
-    # of power 0.34 against 0.26 on average, at 0 degrees and 345 m/s.
+    # From 1110 s on a weak arrival comes from about 0 degrees. Beamforming with Hann windows and free speed finds it
+    # too: share of power 0.34 against 0.26 on average, at 0 degrees and 345 m/s.
     others = [
         track
         for track in result.tracks

@@ -48,7 +48,7 @@ def test_filter_run() -> None:
         _, kept, log_evidence = batch(*followed(dtype), jax.random.split(jax.random.key(1), KEYS))
         end = part(kept, np.s_[:, -1])
         middle = jax.vmap(mean)(end)
-        components = [end.existence, jnp.cos(middle.bearing), middle.bearing_rate, middle.snr_db]
+        components = [end.log_odds, jnp.cos(middle.bearing), middle.bearing_rate, middle.snr_db]
         return jnp.concatenate([jnp.stack(components, axis=1), log_evidence], axis=1)
 
     single, double = in_both(summaries)

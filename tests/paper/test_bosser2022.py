@@ -1,7 +1,7 @@
 """The paper's statistics in small: at -31 dB about half of the runs of scenario I are detected (bosser2022, figure 2a).
 
-Parameters that the paper leaves out: births uniform over bearing, bearing rate within 0.01 rad/s, SNR uniform from -40 to
--15 dB, 1000 particles and 250 births.
+Parameters that the paper leaves out: births uniform over bearing, bearing rate within 0.01 rad/s, SNR uniform from -40
+to -15 dB, 1000 particles and 250 births.
 """
 
 import equinox as eqx
@@ -78,6 +78,6 @@ def test_half_of_the_runs_are_detected_at_minus_31_db() -> None:
         [bool(detected(key, bearing, jnp.array(-31.0))) for key, bearing in zip(keys, bearings, strict=True)]
     )
     print(f"detected {share:.3f} of {RUNS} runs")
-    # The paper reads 0.5 off a figure, whose curve rises by about 0.2 a decibel; half a decibel of reading and three standard
-    # errors of 200 runs make 0.2.
+    # The paper reads 0.5 off a figure, whose curve rises by about 0.2 a decibel; half a decibel of reading and three
+    # standard errors of 200 runs make 0.2.
     assert 0.3 < share < 0.7

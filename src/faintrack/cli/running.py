@@ -12,10 +12,11 @@ from faintrack.io import write_recording
 from faintrack.io.results import read_result, result_folder, write_result
 from faintrack.plots.report import write_report
 from faintrack.recording import Recording
+from faintrack.result import Result
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.simulate import simulated_samples
 from faintrack.sensors.array import SensorArray
-from faintrack.session import Result, collect, track_blocks
+from faintrack.session import collect, track_blocks
 
 Item = TypeVar("Item")
 

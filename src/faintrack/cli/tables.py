@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
+from faintrack.result import Result
 from faintrack.scenario.simulate import sources_of
-from faintrack.session import Result
 from faintrack.truth import false_tracks, findings, main_lobe_deg
 
 if TYPE_CHECKING:

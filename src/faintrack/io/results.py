@@ -25,10 +25,10 @@ import xarray as xr
 import zarr
 
 from faintrack.errors import InputError
+from faintrack.result import Result, tracks_of
 from faintrack.scenario.array import build, describe
 from faintrack.scenario.model import Scenario, read, to_toml
 from faintrack.sensors.array import SensorArray
-from faintrack.session import Result, tracks_of
 from faintrack.tracks import BearingTrack
 
 CHUNK = 512

@@ -65,13 +65,13 @@ class UnknownNoise(eqx.Module):
         # One logarithm serves as many factors as float32 can multiply: each is at least 1 / (1 + M a).
         group = int(87 / math.log1p(MOST_CHANNELS * 10 ** (self.snr_db[1] / 10)))
         padded = jnp.pad(share, ((0, -share.shape[0] % group), (0, 0)))
-        drop = gain / (1 + gain)
+        groups = padded.reshape(-1, group, share.shape[1])
 
-        def add(total: Array, shares: Array) -> tuple[Array, None]:
-            return total + jnp.log(jnp.prod(1 - shares[:, :, None] * drop, axis=0)), None
+        def log_left(drop: Array) -> Float[Array, " bearing"]:
+            """Sum over frequencies of the module's second logarithm, at one SNR."""
+            return jnp.sum(jnp.log(jnp.prod(1 - drop * groups, axis=1)), axis=0)
 
-        start = jnp.zeros((share.shape[1], gain.size), share.dtype)
-        logs, _ = jax.lax.scan(add, start, padded.reshape(-1, group, share.shape[1]))
+        logs = jax.lax.map(log_left, gain / (1 + gain)).T
         table = -jnp.sum(heard) * jnp.log1p(gain) - scan.channels * logs
         return jnp.where(scan.channels >= 2, self.grid.snapshots * table, 0)
 

@@ -6,8 +6,8 @@ import io
 from pathlib import Path
 
 from faintrack.plots.bearing import draw_result
+from faintrack.result import Result
 from faintrack.scenario import to_toml
-from faintrack.session import Result
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a;

@@ -160,6 +160,6 @@ def beamformer(
     if beams < 8:
         raise InputError(f"beams is {beams}; expected at least 8.")
     grid = BeamGrid(frequency, beams, length // size, array.circular)
-    vectors = np.moveaxis(steering(array, frequency, grid.bearing), 1, 2)
+    vectors: np.ndarray = np.moveaxis(np.asarray(steering(array, frequency, grid.bearing)), 1, 2)
     weights: np.ndarray = np.concatenate([vectors.real, vectors.imag], axis=1, dtype=dtype)
     return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), jnp.asarray(weights))
