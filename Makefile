@@ -57,7 +57,7 @@ $(MADE)/dev: pyproject.toml constraints.txt | $(MADE)
 	@touch $@ $(MADE)/test $(MADE)/run
 
 $(MADE):
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
 	  { echo "$(PYTHON) is missing or older than Python 3.11; name another: make PYTHON=python3.12"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 	  { echo "$(PYTHON) cannot make environments, ensurepip is missing (Debian, Ubuntu: install python3-venv)"; exit 1; }

@@ -37,7 +37,7 @@ figure, axes = plt.subplots(figsize=(8, 4), layout="constrained")
 looks = (("#0072B2", "-"), ("#D55E00", "--"), ("#009E73", ":"))
 for row, hertz, (color, style) in zip(power_db, frequency, looks, strict=True):
     width = np.degrees(lobe_width(line, hertz))
-    axes.plot(bearing_deg, row, color=color, linestyle=style, label=f"{hertz:.0f} Hz, lobe width {width:.1f} degrees")
+    axes.plot(bearing_deg, row, color=color, linestyle=style, label=f"{hertz:.0f} Hz, lobe {width:.1f} degrees")
 axes.set(
     xlabel="bearing of the beam, from the array axis (degree)",
     ylabel="power (dB)",

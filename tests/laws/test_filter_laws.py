@@ -108,9 +108,8 @@ def noise_covariance(noise: Noise, interval: float, dtype: type) -> np.ndarray:
     return root @ root.T
 
 
-LINE_STATE = BearingState(*jnp.array([[0.2], [-0.3], [-10.0]]))
 MOTIONS = {
-    "line, reflected at its end": (BearingMotion(0.1, 0.5), LINE_STATE),
+    "line, reflected at its end": (BearingMotion(0.1, 0.5), BearingState(*jnp.array([[0.1], [-0.3], [-10.0]]))),
     "circle, wrapped": (BearingMotion(0.1, 0.5, circular=True), BearingState(*jnp.array([[-3.1], [-0.3], [-10.0]]))),
     "plane": (PlanarMotion(0.4), PlanarState(*jnp.array([[1.0], [2.0], [-1.0], [0.5]]))),
 }

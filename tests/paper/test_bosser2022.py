@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jaxtyping import Array, PRNGKeyArray
 
 from faintrack.belief import mean
@@ -70,6 +71,7 @@ def detected(key: PRNGKeyArray, bearing: Array, snr_db: Array) -> Array:
     return jnp.any((existence > THRESHOLD) & (jnp.abs(found - bearing) < LOBE) & (time >= APPEARS))
 
 
+@pytest.mark.slow
 def test_half_of_the_runs_are_detected_at_minus_31_db() -> None:
     for_bearings, for_runs = jax.random.split(jax.random.key(2022))
     bearings = true_bearings(for_bearings)

@@ -72,6 +72,7 @@ def match_channels(array: SensorArray, recording: Recording) -> SensorArray:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from faintrack.recording import from_samples
     >>> from faintrack.sensors.array import sensor_array
     >>> array = sensor_array(np.array([[0, 0], [0, 2]]), channel_names=("south", "north"))
