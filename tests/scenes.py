@@ -91,7 +91,7 @@ class Scene:
     def scans(self, samples: np.ndarray, usable: np.ndarray) -> BeamScan:
         """Scans of frames of samples, shape (frame, sample, channel), one second apart, the first at one second."""
         time = jnp.arange(1.0, len(samples) + 1, dtype=self.dtype)
-        return _scan(self.beamformer, time, jnp.asarray(samples, self.dtype), jnp.asarray(usable))
+        return scan_frames(self.beamformer, time, jnp.asarray(samples, self.dtype), jnp.asarray(usable))
 
     def white_signal(self, noise_power: Any = 1.0) -> WhiteSignal:
         return WhiteSignal(self.grid, jnp.asarray(noise_power, self.dtype))
@@ -118,7 +118,7 @@ def _draw(
 
 
 @eqx.filter_jit
-def _scan(plan: Beamformer, time: jax.Array, samples: jax.Array, usable: jax.Array) -> BeamScan:
+def scan_frames(plan: Beamformer, time: jax.Array, samples: jax.Array, usable: jax.Array) -> BeamScan:
     return plan.scan(time, samples, usable)
 
 

@@ -3,12 +3,11 @@
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.belief import mean
-from tests.scenes import CIRCLE, LIKELIHOODS, LINE, Scene, batch, followed, log_ratio, part
+from faintrack.filters.run import run
+from tests.scenes import CIRCLE, LIKELIHOODS, LINE, Scene, followed, log_ratio
 from tests.tolerances import assert_equal, assert_same_mean
 
 KEYS = 100
@@ -44,12 +43,15 @@ def test_log_ratio(case: str, array: Any, signal: float) -> None:
 def test_filter_run() -> None:
     """100 keys each, since a key draws other numbers in the other precision; 5 standard errors."""
 
-    def summaries(dtype: type) -> jax.Array:
-        _, kept, log_evidence = batch(*followed(dtype), jax.random.split(jax.random.key(1), KEYS))
-        end = part(kept, np.s_[:, -1])
-        middle = jax.vmap(mean)(end)
-        components = [end.log_odds, jnp.cos(middle.bearing), middle.bearing_rate, middle.snr_db]
-        return jnp.concatenate([jnp.stack(components, axis=1), log_evidence], axis=1)
+    def summaries(dtype: type) -> np.ndarray:
+        filter, likelihood, scans = followed(dtype)
+        rows = []
+        for key in jax.random.split(jax.random.key(1), KEYS):
+            belief, _, log_evidence = run(filter, likelihood, scans, key)
+            weights, states = np.exp(belief.log_weights), belief.states
+            components = np.stack([np.cos(states.bearing), states.bearing_rate, states.snr_db])
+            rows.append(np.concatenate([components @ weights, belief.log_odds[None], log_evidence]))
+        return np.stack(rows)
 
     single, double = in_both(summaries)
     assert single.dtype == np.float32

@@ -1,5 +1,6 @@
 """Of targets believed in at 0.8, 80 % exist."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
+from faintrack.filters.run import Likelihood
 from faintrack.sensors.beams import BeamScan
 from faintrack.targets.target import Target, UniformBirth, rates
 from faintrack.trackers.single import SingleTargetTracker
@@ -58,20 +60,21 @@ def simulated(target: Target) -> tuple[np.ndarray, BeamScan]:
     return np.asarray(exists[-1]), BeamScan(time, scans.beam_power, scans.total_power, scans.channels)
 
 
-CASES = {
-    "white signal": (Scene.white_signal, False),
-    "unknown noise, guided births": (Scene.unknown_noise, True),
-}
-
-
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    ("build", "guided"),
+    [(Scene.white_signal, False), (Scene.unknown_noise, True)],
+    ids=["white signal", "unknown noise and guided births"],
+)
 def test_of_targets_believed_in_as_many_exist(
-    case: str, target: Target, simulated: tuple[np.ndarray, BeamScan], scene: Scene
+    build: Callable[[Scene], Likelihood],
+    guided: bool,
+    target: Target,
+    simulated: tuple[np.ndarray, BeamScan],
+    scene: Scene,
 ) -> None:
     """2,500 runs of 8 scans, one number from the end of each; five bins of probability, 5 standard errors in each."""
     exists, scans = simulated
-    likelihood, guided = CASES[case]
-    tracker = SingleTargetTracker(BernoulliParticleFilter(target, 400, 200), likelihood(scene), guided=guided)
+    tracker = SingleTargetTracker(BernoulliParticleFilter(target, 400, 200), build(scene), guided=guided)
 
     def existence_at_the_end(scans: BeamScan, key: jax.Array) -> jax.Array:
         return tracker.steps(tracker.init(key), scans, key)[0].belief.existence
@@ -82,6 +85,5 @@ def test_of_targets_believed_in_as_many_exist(
     for number in range(len(EDGES) - 1):
         believed, there = existence[bins == number], exists[bins == number]
         error = np.sqrt(np.sum(believed * (1 - believed)))
-        print(number, believed.size, believed.mean(), there.mean(), (there.sum() - believed.sum()) / error)
         assert believed.size > 100
         assert abs(there.sum() - believed.sum()) < STANDARD_ERRORS * error

@@ -9,7 +9,7 @@ from faintrack.sensors.array import SensorArray, line_array, sensor_array
 from faintrack.sensors.beams import BeamScan
 from faintrack.signal.beamformer import Beamformer, beamformer
 from faintrack.signal.frames import frames
-from tests.scenes import CIRCLE, LINE, part
+from tests.scenes import CIRCLE, LINE, part, scan_frames
 from tests.tolerances import assert_equal
 
 RATE, SIZE = 1000.0, 32
@@ -40,7 +40,7 @@ def compass(bearing: float) -> np.ndarray:
 
 def scan(plan: Beamformer, samples: np.ndarray, dtype: type) -> BeamScan:
     usable = jnp.ones((1, samples.shape[1]), bool)
-    return part(plan.scan(jnp.zeros(1, dtype), jnp.asarray(samples[None], dtype), usable), 0)
+    return part(scan_frames(plan, jnp.zeros(1, dtype), jnp.asarray(samples[None], dtype), usable), 0)
 
 
 def plan_for(array: SensorArray, dtype: type = np.float64, beams: int = 72, **options: float) -> Beamformer:

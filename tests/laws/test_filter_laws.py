@@ -84,6 +84,18 @@ def test_rates_give_back_their_probabilities(dtype: type) -> None:
     assert_equal(np.array([appears, stays]), np.array([0.05, 0.95]), dtype, operations=20)
 
 
+def test_the_same_target_in_two_steps_equals_one(dtype: type) -> None:
+    """Staying without being replaced has the probability exp(-departure rate times interval)."""
+    target = Scene(dtype).target
+
+    def same(interval: float) -> np.ndarray:
+        interval = jnp.asarray(interval, dtype)
+        return np.asarray(target.transition(interval)[1] - target.replacement(interval))
+
+    assert_equal(same(0.7) * same(1.8), same(2.5), dtype, operations=20)
+    assert_equal(same(2.5), np.exp(-2.5 * target.departure_rate), dtype, operations=20)
+
+
 @pytest.mark.parametrize("first", [0.1, 1.0, 30.0])
 def test_white_acceleration_in_two_steps_equals_one(dtype: type, first: float) -> None:
     """F Q(s) F' + Q(t) = Q(s + t), with F the motion over t."""
@@ -166,19 +178,14 @@ def test_order_of_points_is_irrelevant_to_a_prediction(scene: Scene) -> None:
     )
     filter = scene.filter()
 
-    @eqx.filter_jit
-    def average(belief: Belief, keys: jax.Array) -> jax.Array:
-        def one(key: jax.Array) -> jax.Array:
-            predicted = filter.predict(belief, 2.0, key)
-            middle = mean(predicted)
-            return jnp.stack([jnp.cos(middle.bearing), middle.bearing_rate, middle.snr_db])
+    def averages(belief: Belief, seed: int) -> np.ndarray:
+        rows = []
+        for key in jax.random.split(jax.random.key(seed), 400):
+            predicted = predict(filter, belief, 2.0, key)
+            rows.append(np.exp(predicted.log_weights) @ moments(predicted.states))
+        return np.stack(rows)
 
-        return jax.vmap(one)(keys)
-
-    assert_same_mean(
-        average(belief, jax.random.split(jax.random.key(1), 400)),
-        average(shuffled, jax.random.split(jax.random.key(2), 400)),
-    )
+    assert_same_mean(averages(belief, 1), averages(shuffled, 2))
 
 
 def test_same_key_same_bits(scene: Scene) -> None:
@@ -232,15 +239,16 @@ def test_a_track_exists_at_most_as_surely_as_any_target(scene: Scene) -> None:
 
 
 def test_capacity_holds_room_and_changes_nothing(scene: Scene) -> None:
-    """A filter with room for more has the same survivors; what lies beyond `particles` has no weight."""
-    key, capacity = jax.random.key(5), PARTICLES + 30
-    belief = belief_of(scene)
+    """All of it in use is a filter without; what lies beyond `particles` has no weight."""
+    key, belief = jax.random.key(5), belief_of(scene)
     expected = predict(scene.filter(), belief, 2.0, key)
-    full = predict(scene.filter(jnp.array(PARTICLES), BIRTHS, capacity=PARTICLES), belief, 2.0, key)
+    full, roomy = (
+        predict(scene.filter(jnp.array(particles), capacity=PARTICLES), belief, 2.0, key)
+        for particles in (PARTICLES, PARTICLES - 30)
+    )
     assert_close(full, expected)
-    roomy = predict(scene.filter(jnp.array(PARTICLES), BIRTHS, capacity=capacity), belief, 2.0, key)
-    assert roomy.log_weights.shape == (capacity + BIRTHS,)
-    assert np.all(roomy.log_weights[PARTICLES:capacity] == -np.inf)
+    assert np.all(roomy.log_weights[PARTICLES - 30 : PARTICLES] == -np.inf)
+    assert np.all(np.isfinite(roomy.log_weights[: PARTICLES - 30]))
     assert_equal(np.exp(roomy.log_weights).sum(), 1.0, scene.dtype, POINTS)
     assert_equal(roomy.existence, expected.existence, scene.dtype, POINTS)
 

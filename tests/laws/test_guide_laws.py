@@ -1,7 +1,5 @@
 """Newborn particles that go where a scan points still stand for the birth density."""
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,52 +7,62 @@ import pytest
 
 from faintrack.filters.guide import guide
 from faintrack.sensors.beams import BeamScan
-from faintrack.targets.states import BearingState
-from tests.scenes import Scene, log_ratio
+from tests.scenes import CIRCLE, LINE, Scene, log_ratio
 from tests.tolerances import assert_mean
 
 KEYS, COUNT = 2000, 100
 
 
-@pytest.fixture
-def scan(either_scene: Scene) -> BeamScan:
-    """A source in front, about as loud as the noise."""
+def scan_of(scene: Scene) -> BeamScan:
+    """A source about as loud as the noise."""
     rng = np.random.default_rng(2)
-    return either_scene.scan(rng.normal(size=(16, 4)) + rng.normal(size=(16, 1)))
+    return scene.scan(rng.normal(size=(16, 4)) + rng.normal(size=(16, 1)))
 
 
-def means(scene: Scene, scan: BeamScan, of: Callable[[BearingState, jax.Array], jax.Array]) -> np.ndarray:
-    """Weighted mean of a function of states and log ratio over each key's particles; shape (key, ...)."""
-    likelihood, birth = scene.white_signal(), scene.target.birth
+@pytest.fixture(scope="module", params=[LINE, CIRCLE], ids=["line", "circle"])
+def guided(request: pytest.FixtureRequest) -> tuple[Scene, np.ndarray, np.ndarray]:
+    """The scene; each particle's weight and its (ratio, component), components from 0 to 1 between the ends."""
+    scene = Scene(np.float32, request.param)
+    scan, likelihood, birth = scan_of(scene), scene.white_signal(), scene.target.birth
+    low, high = (jnp.stack(jax.tree.leaves(corner))[:, None] for corner in (birth.low, birth.high))
 
     @jax.jit
     @jax.vmap
-    def one(key: jax.Array) -> jax.Array:
+    def one(key: jax.Array) -> tuple[jax.Array, jax.Array]:
         states, log_weights = guide(likelihood, scan, birth, key, COUNT)
-        weights = jnp.exp(log_weights)
-        return jnp.mean(weights * of(states, likelihood.log_ratio(scan, states)), axis=-1)
-
-    return np.asarray(one(jax.random.split(jax.random.key(1), KEYS)))
-
-
-def test_guided_draws_stand_for_the_birth_density(either_scene: Scene, scan: BeamScan) -> None:
-    """2,000 keys of 100 particles, 5 standard errors: mean and mean square of each component between its ends."""
-    birth = either_scene.target.birth
-    low, high = (jnp.stack(jax.tree.leaves(corner))[:, None] for corner in (birth.low, birth.high))
-
-    def moments(states: BearingState, _: jax.Array) -> jax.Array:
         unit = (jnp.stack(jax.tree.leaves(states)) - low) / (high - low)
-        return jnp.concatenate([jnp.ones_like(unit[:1]), unit, unit**2])
+        ratio = jnp.exp(likelihood.log_ratio(scan, states))
+        return jnp.exp(log_weights), jnp.concatenate([ratio[None], unit])
 
-    assert_mean(means(either_scene, scan, moments), np.array([1.0] + 3 * [1 / 2] + 3 * [1 / 3]))
+    weights, values = one(jax.random.split(jax.random.key(1), KEYS))
+    return scene, np.asarray(weights), np.asarray(values)
 
 
-def test_guided_draws_give_the_same_evidence(either_scene: Scene, scan: BeamScan) -> None:
+def test_guided_draws_stand_for_the_birth_density(guided: tuple[Scene, np.ndarray, np.ndarray]) -> None:
+    """2,000 keys of 100 particles, 5 standard errors: mean and mean square of each component, and of the weights."""
+    _, weights, values = guided
+    unit = values[:, 1:]
+    assert weights.max() <= 2
+    moments = np.concatenate([np.ones_like(unit[:, :1]), unit, unit**2], axis=1)
+    assert_mean(np.mean(weights[:, None] * moments, axis=2), np.array([1.0] + 3 * [1 / 2] + 3 * [1 / 3]))
+
+
+def test_guided_draws_give_the_same_evidence(guided: tuple[Scene, np.ndarray, np.ndarray]) -> None:
     """2,000 keys of 100 particles, 5 standard errors: the mean ratio is its integral over the birth density."""
-    birth = either_scene.target.birth
+    scene, weights, values = guided
+    birth = scene.target.birth
     bearing, snr_db = (
         np.linspace(getattr(birth.low, name), getattr(birth.high, name), 2001)[1::2] for name in ("bearing", "snr_db")
     )
-    mesh = either_scene.states([bearing[:, None], np.zeros((1, 1)), snr_db[None, :]])
-    expected = np.mean(np.exp(np.asarray(log_ratio(either_scene.white_signal(), scan, mesh), np.float64)))
-    assert_mean(means(either_scene, scan, lambda _, log_ratios: jnp.exp(log_ratios)), expected)
+    mesh = scene.states([bearing[:, None], np.zeros((1, 1)), snr_db[None, :]])
+    expected = np.mean(np.exp(np.asarray(log_ratio(scene.white_signal(), scan_of(scene), mesh), np.float64)))
+    assert_mean(np.mean(weights * values[:, 0], axis=1), expected)
+
+
+def test_guided_draws_are_surer_of_a_loud_source(guided: tuple[Scene, np.ndarray, np.ndarray]) -> None:
+    """What they are for: the evidence varies less from key to key than with draws from the birth density."""
+    scene, weights, values = guided
+    scan, likelihood, birth = scan_of(scene), scene.white_signal(), scene.target.birth
+    plain = log_ratio(likelihood, scan, birth.sample(jax.random.key(2), KEYS * COUNT))
+    unguided = np.exp(plain).reshape(KEYS, COUNT).mean(axis=1)
+    assert np.mean(weights * values[:, 0], axis=1).std() < 0.8 * unguided.std()

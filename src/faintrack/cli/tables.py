@@ -61,35 +61,26 @@ def print_findings(result: Result) -> None:
 
 
 def print_bench(rows: "Sequence[Row]") -> None:
-    """Rows of the benchmark."""
-    columns = ("name", "unit", "ours", "peer", "ratio", "machine's limit", "first run s", "note")
+    """Rows of the benchmark, then what each of them measures."""
+    columns = ("name", "unit", "ours", "peer", "ratio", "limit", "target", "compile s")
 
     def number(value: float | None) -> str:
         return "" if value is None else f"{value:.3g}"
 
-    _print(
-        columns,
-        (
-            (
-                row.name,
-                row.unit,
-                number(row.ours),
-                number(row.peer),
-                number(row.ratio),
-                number(row.limit),
-                number(row.compile_seconds),
-                row.note,
-            )
-            for row in rows
-        ),
-        text=("name", "unit", "note"),
-    )
+    def numbers(row: "Row") -> list[str]:
+        values = (row.ours, row.peer, row.ratio, row.limit, row.target, row.compile_seconds)
+        return [row.name, row.unit, *map(number, values)]
+
+    _print(columns, map(numbers, rows), text=("name", "unit"))
+    print("\nTimes, the least of many repeats; ratio: how many times faster than the peer; limit: the machine's own.")
+    for row in rows:
+        print(f"{row.name}: {row.note}")
 
 
 def _print(columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[str] = ()) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in columns:
-        table.add_column(column, justify="left" if column in text else "right")
+        table.add_column(column, justify="left" if column in text else "right", no_wrap=True)
     for row in rows:
         table.add_row(*row)
     Console().print(table)

@@ -1,0 +1,54 @@
+"""Speed, measured beside peers and beside what the machine could do at best, all in one run.
+
+Every row is a function of the machine's own rates and of sizes; a row whose peer is not installed (extra `bench`) says
+so. Times are the least of many repeats, with what the first call takes to compile apart.
+"""
+
+from collections.abc import Callable, Iterable
+
+from faintrack.bench.beams import beam_power_acoular, beam_power_numpy
+from faintrack.bench.bernoulli import bernoulli_step_batch, bernoulli_step_single
+from faintrack.bench.machine import Machine, measure
+from faintrack.bench.monte_carlo import scenario1_run_step
+from faintrack.bench.recording import track_55ch_realtime
+from faintrack.bench.rows import Row
+from faintrack.bench.sizes import Sizes
+from faintrack.bench.startup import help_seconds, import_seconds
+from faintrack.errors import InputError
+
+__all__ = ["ROWS", "Row", "Sizes", "run"]
+
+ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
+    row.__name__: row
+    for row in (
+        track_55ch_realtime,
+        bernoulli_step_single,
+        bernoulli_step_batch,
+        beam_power_acoular,
+        beam_power_numpy,
+        scenario1_run_step,
+        import_seconds,
+        help_seconds,
+    )
+}
+
+
+def run(names: Iterable[str] | None = None, sizes: Sizes | None = None) -> list[Row]:
+    """Measure.
+
+    Parameters
+    ----------
+    names : of the rows, keys of `ROWS`; all where not given.
+    sizes : of the problems; those of the targets where not given.
+
+    Raises
+    ------
+    InputError : there is no row of that name.
+    """
+    names = list(ROWS) if names is None else list(names)
+    for name in names:
+        if name not in ROWS:
+            raise InputError(f"there is no row {name!r} in the benchmark; the rows are {', '.join(ROWS)}.")
+    sizes = Sizes() if sizes is None else sizes
+    machine = measure(seconds=sizes.repeat_seconds)
+    return [ROWS[name](machine, sizes) for name in names]

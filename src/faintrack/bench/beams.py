@@ -1,0 +1,81 @@
+"""Beam power of a line array, ours against Acoular's and against a plain matrix product of NumPy."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from faintrack.bench.acoular_peer import acoular_seconds
+from faintrack.bench.beam_problem import FRAMES, SNAPSHOTS, draw_frames, plan_of
+from faintrack.bench.machine import Machine, beam_operations
+from faintrack.bench.rows import Row, timed
+from faintrack.bench.sizes import Sizes
+from faintrack.signal.beamformer import Beamformer
+
+
+def beam_power_acoular(machine: Machine, sizes: Sizes) -> Row:
+    """From samples to beam power, summed over the snapshots of a frame on both sides."""
+    _, plan = plan_of(sizes)
+    frames = draw_frames(sizes)
+    on_device, usable, middle = jnp.asarray(frames), jnp.ones((FRAMES, sizes.channels), bool), jnp.arange(float(FRAMES))
+    scan = eqx.filter_jit(plan.scan)
+    timing = timed(lambda: scan(middle, on_device, usable), sizes.repeat_seconds).per(FRAMES)
+    theirs = acoular_seconds(sizes)
+    peer = None if theirs is None else 1e3 * theirs
+    beside = (
+        "Acoular is not installed"
+        if peer is None
+        else "peer: Acoular in an interpreter of its own, one frame at a time, cross spectra and steering in its time"
+    )
+    return Row(
+        name="beam_power_acoular",
+        unit="ms",
+        ours=1e3 * timing.least,
+        peer=peer,
+        limit=1e3 * machine.seconds(_operations(plan, sizes)),
+        target=peer,
+        median=1e3 * timing.median,
+        compile_seconds=timing.compile,
+        note=(
+            f"samples to beam power, a frame of {SNAPSHOTS} snapshots, {plan.grid.frequency.size} frequencies, "
+            f"{sizes.beams} beams, {sizes.channels} channels, blocks of {FRAMES} frames, steering at hand; {beside}; "
+            "limit: beam sums at the rate of a large matrix product"
+        ),
+    )
+
+
+def beam_power_numpy(machine: Machine, sizes: Sizes) -> Row:
+    """From spectra to beam power; NumPy multiplies complex matrices, one a frequency."""
+    _, plan = plan_of(sizes)
+    spectra = jax.block_until_ready(eqx.filter_jit(plan.spectra)(jnp.asarray(draw_frames(sizes))))
+    beam_power = eqx.filter_jit(plan.beam_power)
+    timing = timed(lambda: beam_power(spectra), sizes.repeat_seconds).per(FRAMES)
+    channels = sizes.channels
+    steering = np.moveaxis(np.asarray(plan.weights), 1, 2)
+    weights = np.asarray(steering[..., :channels] - 1j * steering[..., channels:], np.complex64)
+    columns = np.moveaxis(np.asarray(spectra), (2, 3), (0, 1)).reshape(*spectra.shape[2:], -1)
+
+    def theirs() -> np.ndarray:
+        sums = np.matmul(weights, columns)
+        power = sums.real**2 + sums.imag**2
+        return power.reshape(*power.shape[:2], FRAMES, SNAPSHOTS).sum(axis=-1)
+
+    peer = timed(theirs, sizes.repeat_seconds).least / FRAMES
+    return Row(
+        name="beam_power_numpy",
+        unit="ms",
+        ours=1e3 * timing.least,
+        peer=1e3 * peer,
+        limit=1e3 * machine.seconds(_operations(plan, sizes)),
+        target=1e3 * peer,
+        median=1e3 * timing.median,
+        compile_seconds=timing.compile,
+        note=(
+            f"spectra to beam power, a frame's share of {FRAMES}, sizes as above; peer: numpy.matmul in complex64 and "
+            "the sum of squares, its columns already in order; limit: as above"
+        ),
+    )
+
+
+def _operations(plan: Beamformer, sizes: Sizes) -> float:
+    return beam_operations(plan.grid.frequency.size, sizes.beams, sizes.channels, SNAPSHOTS)

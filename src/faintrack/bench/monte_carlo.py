@@ -1,0 +1,77 @@
+"""Simulated runs of scenario I of bosser2022: draw spectra, form beams, filter."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from faintrack.bench.machine import Machine, beam_operations
+from faintrack.bench.rows import Row, timed
+from faintrack.bench.sizes import Sizes
+from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
+from faintrack.filters.run import run
+from faintrack.likelihoods.white_signal import WhiteSignal
+from faintrack.sensors.array import line_array
+from faintrack.signal.beamformer import beamformer
+from faintrack.simulation.spectra import draw_spectra
+from faintrack.targets.motion import BearingMotion, piecewise_acceleration
+from faintrack.targets.states import BearingState
+from faintrack.targets.target import Target, UniformBirth, rates
+
+RUNS = 8
+"""Runs side by side."""
+SNR_DB = -31.0
+"""Where half of the runs are detected."""
+
+
+def scenario1_run_step(machine: Machine, sizes: Sizes) -> Row:
+    """One scan of one run, everything included; the source is there in the last three quarters."""
+    array = line_array(sizes.channels, 0.375)
+    plan = beamformer(array, sample_rate=4000.0, frame=0.075, beams=sizes.beams)
+
+    def state(*values: float) -> BearingState:
+        return BearingState(*(jnp.asarray(value, jnp.float32) for value in values))
+
+    target = Target(
+        UniformBirth(state(0.0, -0.01, -40.0), state(math.pi, 0.01, -15.0)),
+        BearingMotion(noise=piecewise_acceleration),
+        *rates(birth_probability=0.001, survival_probability=0.999, interval=1.0),
+    )
+    filter = BernoulliParticleFilter(target, sizes.particles, sizes.births)
+    likelihood = WhiteSignal(plan.grid, jnp.asarray(1.0, jnp.float32))
+    time = jnp.arange(1.0, sizes.steps + 1)
+    bearing = jnp.full_like(time, np.radians(60.0))
+    snr_db = jnp.where(time > sizes.steps / 4, SNR_DB, -jnp.inf)
+    usable = jnp.ones((sizes.steps, sizes.channels), bool)
+
+    def existence(key: Array) -> Float[Array, " scan"]:
+        for_data, for_filter = jax.random.split(key)
+        spectra = draw_spectra(for_data, array, plan.grid, bearing, snr_db)
+        scans = plan.scan_spectra(time, spectra, usable)
+        return run(filter, likelihood, scans, for_filter, lambda belief: belief.existence)[1]
+
+    runs, keys = jax.jit(jax.vmap(existence)), jax.random.split(jax.random.key(0), RUNS)
+    timing = timed(lambda: runs(keys), sizes.repeat_seconds).per(RUNS * sizes.steps)
+    frequencies = plan.grid.frequency.size
+    limit = machine.seconds(
+        beam_operations(frequencies, sizes.beams, sizes.channels, columns=1),
+        2 * frequencies * sizes.channels + 3 * (sizes.particles + sizes.births),
+    )
+    return Row(
+        name="scenario1_run_step",
+        unit="ms",
+        ours=1e3 * timing.least,
+        peer=None,
+        limit=1e3 * limit,
+        target=0.3,
+        median=1e3 * timing.median,
+        compile_seconds=timing.compile,
+        note=(
+            f"one scan of one run of bosser2022, scenario I: {sizes.channels} channels, 300 samples, {sizes.beams} "
+            f"beams, {sizes.particles} + {sizes.births} particles, spectra drawn in its time, {RUNS} runs of "
+            f"{sizes.steps} scans side by side; no peer; limit: its random numbers drawn at once and beam sums at the "
+            "rate of a large matrix product; the target is that of later studies"
+        ),
+    )

@@ -1,0 +1,46 @@
+"""A recording from samples to tracks, against the clock on the wall."""
+
+import numpy as np
+
+from faintrack.bench.machine import Machine, beam_operations
+from faintrack.bench.rows import Row, timed
+from faintrack.bench.sizes import Sizes
+from faintrack.recording import from_samples
+from faintrack.scenario.build import build_beamformer
+from faintrack.scenario.model import Analysis, FilterTable, Scenario
+from faintrack.sensors.array import line_array
+from faintrack.session import track
+
+SAMPLE_RATE = 4000.0
+"""Hz."""
+
+
+def track_55ch_realtime(machine: Machine, sizes: Sizes) -> Row:
+    """Noise through beamformer, likelihood with unknown noise, filter and tracker; the peer is real time."""
+    duration, channels = sizes.recording_seconds, sizes.channels
+    array = line_array(channels, 0.375)
+    samples = np.random.default_rng(0).standard_normal((round(duration * SAMPLE_RATE), channels), dtype=np.float32)
+    recording = from_samples(samples, SAMPLE_RATE)
+    scenario = Scenario(
+        analysis=Analysis(beams=sizes.beams), filter=FilterTable(particles=sizes.particles, births=sizes.births)
+    )
+    timing = timed(lambda: track(recording, array, scenario=scenario).tracks, sizes.repeat_seconds)
+    grid = build_beamformer(scenario, array, SAMPLE_RATE).grid
+    operations = beam_operations(grid.frequency.size, grid.beams, channels, grid.snapshots)
+    # Bearing and SNR take three normal numbers a particle.
+    limit = duration * machine.seconds(operations, 3 * (sizes.particles + sizes.births))
+    return Row(
+        name="track_55ch_realtime",
+        unit="s",
+        ours=timing.least,
+        peer=float(duration),
+        limit=limit,
+        target=duration / 50,
+        median=timing.median,
+        compile_seconds=timing.compile,
+        note=(
+            f"{duration} s of {channels} channels at {SAMPLE_RATE:g} Hz in memory, 1 s frames, {sizes.beams} beams, "
+            f"{sizes.particles} + {sizes.births} particles; peer: real time; limit: beam sums at the rate of a large "
+            "matrix product and random numbers drawn at once, nothing else"
+        ),
+    )
