@@ -7,6 +7,8 @@ r"""Spectra of an array straight from the signal model, for Monte Carlo runs.
 (bosser2022, eq. 13 in the frequency domain). For samples, propagation and all, see `faintrack.simulation.samples`.
 """
 
+import math
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, PRNGKeyArray
@@ -47,7 +49,9 @@ def draw_spectra(
     dtype = bearing.dtype
 
     def unit(key: PRNGKeyArray, shape: tuple[int, ...]) -> Complex[Array, "..."]:
-        parts = jax.random.normal(key, (2, *shape), dtype) * jnp.sqrt(jnp.asarray(0.5, dtype))
+        # Drawn in one row: XLA takes seconds to compile random numbers along five axes.
+        parts = jax.random.normal(key, (2 * math.prod(shape),), dtype).reshape(2, *shape)
+        parts = parts * jnp.sqrt(jnp.asarray(0.5, dtype))
         return jax.lax.complex(parts[0], parts[1])
 
     amplitude = jnp.sqrt(10 ** (snr_db / 10))[:, None, None]

@@ -123,5 +123,8 @@ class SingleTargetTracker(eqx.Module):
 
     @eqx.filter_jit
     def steps(self, following: Following, scans: Any, key: PRNGKeyArray) -> tuple[Following, Estimate]:
-        """Take in a stack of scans in one compiled loop; the estimates are stacked. Same bits as `step` by step."""
+        """Take in a stack of scans in one compiled loop; the estimates are stacked.
+
+        Two scans at a time or many give the same bits; one alone is compiled otherwise and agrees to rounding.
+        """
         return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), following, scans)
