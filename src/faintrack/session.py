@@ -30,8 +30,9 @@ from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.frames import FrameBlock, frames
 from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 
-BLOCK_BYTES = 32 * 2**20
-"""Beam power held at once; frames a block follow from it."""
+BLOCK_BYTES = 8 * 2**20
+"""Beam power held at once; frames a block follow from it. What lies on the way to it takes several times as much:
+beyond some 30 MiB the memory of every block is fetched anew from the system, which takes longer than the sums."""
 
 LONGEST_BLOCK = 32
 """Frames a block at most: beyond it the beamformer gains nothing."""

@@ -6,8 +6,8 @@ r"""The lobe-width likelihood: power inside the main lobe against power outside 
     \qquad \Delta(\psi) = \{\alpha : |\alpha - \psi| < L\}
 
 (bosser2022, eq. 19, after Gunes and Guldogan 2016). It needs neither noise power nor SNR, and it is no likelihood
-ratio: its mean under noise depends on the array, so thresholds on existence have to be calibrated. It is here to be compared
-with; use `faintrack.likelihoods.unknown_noise` instead.
+ratio: its mean under noise depends on the array, so thresholds on existence have to be calibrated. It is here to be
+compared with; use `faintrack.likelihoods.unknown_noise` instead.
 """
 
 import equinox as eqx
