@@ -20,6 +20,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from faintrack.trigonometry import sine_cosine
+
 
 class Belief(eqx.Module):
     """Weighted points and log odds of existence.
@@ -110,7 +112,8 @@ def mean(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Any:
 
     def average(name: str, values: Array) -> Array:
         if name in belief.states.angles:
-            return jnp.arctan2(jnp.sum(weights * jnp.sin(values)), jnp.sum(weights * jnp.cos(values)))
+            sine, cosine = sine_cosine(values)
+            return jnp.arctan2(jnp.sum(weights * sine), jnp.sum(weights * cosine))
         return jnp.sum(weights * values)
 
     return _by_component(belief.states, average)

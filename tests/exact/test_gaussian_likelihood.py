@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from faintrack.likelihoods.interpolation import bearing_neighbours, neighbours
+from faintrack.likelihoods import interpolation
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.sensors.array import line_array
@@ -152,8 +152,9 @@ def grid(beams: int, circular: bool) -> BeamGrid:
 
 
 def read(axes: BeamGrid, values: np.ndarray, bearing: np.ndarray) -> np.ndarray:
-    index, weight = bearing_neighbours(axes, jnp.asarray(bearing))
-    return np.sum(values[np.asarray(index)] * np.asarray(weight), axis=-1)
+    return np.asarray(
+        interpolation.read(jnp.asarray(values), interpolation.bearing_neighbours(axes, jnp.asarray(bearing)))
+    )
 
 
 def test_interpolation_reproduces_parabolas(float64: type) -> None:
@@ -161,9 +162,14 @@ def test_interpolation_reproduces_parabolas(float64: type) -> None:
         return 3 - 2 * t + 0.7 * t**2
 
     position = np.linspace(1, 8, 71)
-    index, weight = neighbours(jnp.asarray(position))
-    table = parabola(np.arange(11.0))
-    assert_equal(np.sum(table[index] * weight, axis=-1), parabola(position), float64, 20, scale=100.0)
+    table = jnp.asarray(parabola(np.arange(11.0)))
+    assert_equal(
+        interpolation.read(table, interpolation.neighbours(jnp.asarray(position))),
+        parabola(position),
+        float64,
+        20,
+        scale=100.0,
+    )
 
 
 @pytest.mark.parametrize("circular", [False, True], ids=["line", "circle"])

@@ -10,6 +10,7 @@ from faintrack.bench.beam_problem import FRAMES, SNAPSHOTS, draw_frames, plan_of
 from faintrack.bench.machine import Machine, beam_operations
 from faintrack.bench.rows import Row, timed
 from faintrack.bench.sizes import Sizes
+from faintrack.sensors.beams import steering
 from faintrack.signal.beamformer import Beamformer
 
 
@@ -46,13 +47,11 @@ def beam_power_acoular(machine: Machine, sizes: Sizes) -> Row:
 
 def beam_power_numpy(machine: Machine, sizes: Sizes) -> Row:
     """From spectra to beam power; NumPy multiplies complex matrices, one a frequency."""
-    _, plan = plan_of(sizes)
+    array, plan = plan_of(sizes)
     spectra = jax.block_until_ready(eqx.filter_jit(plan.spectra)(jnp.asarray(draw_frames(sizes))))
     beam_power = eqx.filter_jit(plan.beam_power)
     timing = timed(lambda: beam_power(spectra), sizes.repeat_seconds).per(FRAMES)
-    channels = sizes.channels
-    steering = np.moveaxis(np.asarray(plan.weights), 1, 2)
-    weights = np.asarray(steering[..., :channels] - 1j * steering[..., channels:], np.complex64)
+    weights = np.conj(steering(array, plan.grid.frequency, plan.grid.bearing)).astype(np.complex64)
     columns = np.moveaxis(np.asarray(spectra), (2, 3), (0, 1)).reshape(*spectra.shape[2:], -1)
 
     def theirs() -> np.ndarray:

@@ -7,20 +7,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from faintrack.belief import Belief
 from faintrack.bench.machine import Machine, beam_operations
 from faintrack.bench.rows import Row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
-from faintrack.filters.run import run
+from faintrack.filters.run import step
 from faintrack.likelihoods.white_signal import WhiteSignal
 from faintrack.sensors.array import line_array
 from faintrack.signal.beamformer import beamformer
-from faintrack.simulation.spectra import draw_spectra
+from faintrack.simulation.spectra import over_spectra
 from faintrack.targets.motion import BearingMotion, piecewise_acceleration
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import Target, UniformBirth, rates
 
-RUNS = 8
+RUNS = 32
 """Runs side by side."""
 SNR_DB = -31.0
 """Where half of the runs are detected."""
@@ -44,13 +45,17 @@ def scenario1_run_step(machine: Machine, sizes: Sizes) -> Row:
     time = jnp.arange(1.0, sizes.steps + 1)
     bearing = jnp.full_like(time, np.radians(60.0))
     snr_db = jnp.where(time > sizes.steps / 4, SNR_DB, -jnp.inf)
-    usable = jnp.ones((sizes.steps, sizes.channels), bool)
 
     def existence(key: Array) -> Float[Array, " scan"]:
         for_data, for_filter = jax.random.split(key)
-        spectra = draw_spectra(for_data, array, plan.grid, bearing, snr_db)
-        scans = plan.scan_spectra(time, spectra, usable)
-        return run(filter, likelihood, scans, for_filter, lambda belief: belief.existence)[1]
+
+        def take_in(belief: Belief, number: Array, spectra: Array) -> tuple[Belief, Array]:
+            scan = plan.scan_frame(time[number], spectra)
+            belief, _ = step(filter, likelihood, belief, scan, jax.random.fold_in(for_filter, number))
+            return belief, belief.existence
+
+        start = filter.init(jax.random.fold_in(for_filter, sizes.steps))
+        return over_spectra(take_in, start, for_data, array, plan.grid, bearing, snr_db)[1]
 
     runs, keys = jax.jit(jax.vmap(existence)), jax.random.split(jax.random.key(0), RUNS)
     timing = timed(lambda: runs(keys), sizes.repeat_seconds).per(RUNS * sizes.steps)

@@ -6,22 +6,24 @@ kernel is that of Catmull and Rom: four neighbours an axis, exact for parabolas,
 straight line between beams half a main lobe apart would lose a tenth of the power of a source between them.)
 """
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from faintrack.sensors.beams import BeamGrid
 
+Neighbours = list[tuple[Int[Array, "..."], Float[Array, "..."]]]
+"""Four table indices around each point, each with its weight. One array an index: XLA reads a table that way four times
+as fast as with the four stacked in one array."""
 
-def neighbours(
-    position: Float[Array, "*points"],
-) -> tuple[Int[Array, "*points 4"], Float[Array, "*points 4"]]:
+
+def neighbours(position: Float[Array, "*points"]) -> Neighbours:
     """Four table indices around each position (in units of the spacing) and their weights, which sum to 1.
 
     Examples
     --------
-    >>> index, weight = neighbours(jnp.array(2.5))
-    >>> index.tolist(), weight.tolist()
-    ([1, 2, 3, 4], [-0.0625, 0.5625, 0.5625, -0.0625])
+    >>> [(int(index), float(weight)) for index, weight in neighbours(jnp.array(2.5))]
+    [(1, -0.0625), (2, 0.5625), (3, 0.5625), (4, -0.0625)]
     """
     left = jnp.floor(position)
     t = position - left
@@ -31,17 +33,46 @@ def neighbours(
         t * (0.5 + t * (2.0 - 1.5 * t)),
         t * t * (-0.5 + 0.5 * t),
     )
-    return left.astype(jnp.int32)[..., None] + jnp.arange(-1, 3), jnp.stack(weights, axis=-1)
+    first = left.astype(jnp.int32) - 1
+    return [(first + number, weight) for number, weight in enumerate(weights)]
 
 
-def bearing_neighbours(
-    grid: BeamGrid, bearing: Float[Array, "*points"]
-) -> tuple[Int[Array, "*points 4"], Float[Array, "*points 4"]]:
-    """Indices into the bearings of a grid and their weights: around the circle, or mirrored at the ends of a line."""
+def bearing_neighbours(grid: BeamGrid, bearing: Float[Array, "*points"]) -> Neighbours:
+    """Neighbours among the bearings of a grid: around the circle, or mirrored at the ends of a line."""
     count = grid.beams
     if grid.circular:
-        index, weight = neighbours((bearing + jnp.pi) * count / (2 * jnp.pi))
-        return index % count, weight
-    index, weight = neighbours(bearing * (count - 1) / jnp.pi)
-    index = jnp.abs(index)
-    return jnp.where(index > count - 1, 2 * (count - 1) - index, index), weight
+        return [(index % count, weight) for index, weight in neighbours((bearing + jnp.pi) * count / (2 * jnp.pi))]
+    last = count - 1
+
+    def mirrored(index: Int[Array, "*points"]) -> Int[Array, "*points"]:
+        index = jnp.abs(index)
+        return jnp.where(index > last, 2 * last - index, index)
+
+    return [(mirrored(index), weight) for index, weight in neighbours(bearing * last / jnp.pi)]
+
+
+def read(table: Float[Array, " bearing"], near: Neighbours) -> Float[Array, "..."]:
+    """Values of a table between its points.
+
+    Examples
+    --------
+    >>> float(read(jnp.arange(6.0) ** 2, neighbours(jnp.array(2.5))))
+    6.25
+    """
+    # Read from memory: XLA would otherwise form the table anew for every point.
+    table = jax.lax.optimization_barrier(table)
+    return sum((table[index] * weight for index, weight in near), start=jnp.zeros(()))
+
+
+def read_plane(
+    table: Float[Array, "bearing snr"], near_row: Neighbours, near_column: Neighbours
+) -> Float[Array, "..."]:
+    """Values of a table of two axes between its points; see `read`."""
+    table = jax.lax.optimization_barrier(table)
+    return sum(
+        (
+            row_weight * sum((table[row, column] * weight for column, weight in near_column), start=jnp.zeros(()))
+            for row, row_weight in near_row
+        ),
+        start=jnp.zeros(()),
+    )

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from faintrack.errors import InputError
-from faintrack.likelihoods.interpolation import bearing_neighbours
+from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
 
@@ -41,8 +41,7 @@ class LobeWidth(eqx.Module):
 
     def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
         """Natural log of the module's ratio at the states' bearings; the SNR is not read."""
-        index, weight = bearing_neighbours(self.grid, states.bearing)
-        return jnp.sum(self._log_ratios(scan)[index] * weight, axis=-1)
+        return read(self._log_ratios(scan), bearing_neighbours(self.grid, states.bearing))
 
     def _log_ratios(self, scan: BeamScan) -> Float[Array, " bearing"]:
         power = jnp.sum(scan.beam_power, axis=0)

@@ -29,7 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from faintrack.likelihoods.interpolation import bearing_neighbours, neighbours
+from faintrack.likelihoods.interpolation import bearing_neighbours, neighbours, read_plane
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
 
@@ -89,11 +89,8 @@ class UnknownNoise(eqx.Module):
         ratio) under noise of any power is 1.
         """
         table = self.table(scan)
-        rows, row_weight = bearing_neighbours(self.grid, states.bearing)
         low, high = self.snr_db
-        count = table.shape[1]
-        position = jnp.clip((states.snr_db - low) / (high - low), 0, 1) * (count - 1)
-        columns, column_weight = neighbours(position)
-        columns = jnp.clip(columns, 0, count - 1)
-        near = table[rows[..., :, None], columns[..., None, :]]
-        return jnp.sum(near * row_weight[..., :, None] * column_weight[..., None, :], axis=(-2, -1))
+        last = table.shape[1] - 1
+        columns = neighbours(jnp.clip((states.snr_db - low) / (high - low), 0, 1) * last)
+        inside = [(jnp.clip(column, 0, last), weight) for column, weight in columns]
+        return read_plane(table, bearing_neighbours(self.grid, states.bearing), inside)

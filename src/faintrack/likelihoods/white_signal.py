@@ -20,7 +20,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from faintrack.likelihoods.interpolation import bearing_neighbours
+from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
 
@@ -54,8 +54,7 @@ class WhiteSignal(eqx.Module):
         -----
         The module's equation. Check: the mean of exp(log ratio) under noise is 1.
         """
-        index, weight = bearing_neighbours(self.grid, states.bearing)
-        power = jnp.sum(self._powers(scan)[index] * weight, axis=-1)
+        power = read(self._powers(scan), bearing_neighbours(self.grid, states.bearing))
         return self._ratio(scan, power, states.snr_db)
 
     def _powers(self, scan: BeamScan) -> Float[Array, " bearing"]:

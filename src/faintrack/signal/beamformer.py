@@ -10,8 +10,10 @@ sample rate a delay is not defined (bosser2022, eq. 15 has a cosine there).
 """
 
 import math
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
@@ -19,6 +21,9 @@ from jaxtyping import Array, Bool, Complex, Float
 from faintrack.errors import InputError
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan, lobe_width, steering
+
+MIRROR_METRES = 1e-6
+"""How far a channel may lie off the mirror image of another and still be taken for it."""
 
 
 class Beamformer(eqx.Module):
@@ -30,14 +35,16 @@ class Beamformer(eqx.Module):
     first_bin : of the band, counted from zero frequency.
     snapshot : samples in a transform.
     gains : shape (channel,); correction of each channel, 0 for a dead one.
-    weights : shape (frequency, 2 channel, bearing); real parts of the steering above the imaginary ones.
+    weights : shape (frequency, row, bearing); see `beam_power`.
+    mirrored : whether the array, its channels reversed, is its own mirror image through its centre, as a line is.
     """
 
     grid: BeamGrid
     first_bin: int = eqx.field(static=True)
     snapshot: int = eqx.field(static=True)
     gains: Float[Array, " channel"]
-    weights: Float[Array, "frequency channels2 bearing"]
+    weights: Float[Array, "frequency row bearing"]
+    mirrored: bool = eqx.field(static=True, default=False)
 
     def spectra(
         self, samples: Float[Array, "frame sample channel"]
@@ -52,10 +59,26 @@ class Beamformer(eqx.Module):
     def beam_power(
         self, spectra: Complex[Array, "frame snapshot frequency channel"]
     ) -> Float[Array, "frame frequency bearing"]:
-        """Beam power of each bin and bearing, summed over the snapshots of a frame."""
-        # Real products in place of a complex one: XLA multiplies batches of small complex matrices at half the speed.
-        straight = jnp.concatenate([spectra.real, spectra.imag], axis=-1)
-        turned = jnp.concatenate([spectra.imag, -spectra.real], axis=-1)
+        r"""Beam power of each bin and bearing, summed over the snapshots of a frame.
+
+        Notes
+        -----
+        Real products in place of a complex one, which XLA multiplies in small batches at half the speed. In general the
+        real parts of the channels stand above the imaginary ones, two rows a channel. In a mirrored array channels m
+        and m' have delays of opposite sign about the centre, and
+
+        .. math:: e^{j\theta} z_m + e^{-j\theta} z_{m'} = \cos\theta \, (z_m + z_{m'}) + \sin\theta \, j (z_m - z_{m'})
+
+        has real weights: one row a channel, half of the work.
+        """
+        if self.mirrored:
+            near, far = _halves(spectra)
+            both, apart = near + far, near - far
+            straight = jnp.concatenate([both.real, -apart.imag], axis=-1)
+            turned = jnp.concatenate([both.imag, apart.real], axis=-1)
+        else:
+            straight = jnp.concatenate([spectra.real, spectra.imag], axis=-1)
+            turned = jnp.concatenate([spectra.imag, -spectra.real], axis=-1)
         real = jnp.einsum("fcb,tkfc->ftkb", self.weights, straight)
         imag = jnp.einsum("fcb,tkfc->ftkb", self.weights, turned)
         return jnp.moveaxis(jnp.sum(real**2 + imag**2, axis=2), 0, 1)
@@ -86,6 +109,11 @@ class Beamformer(eqx.Module):
         total = jnp.sum(spectra.real**2 + spectra.imag**2, axis=(1, 3))
         channels = jnp.sum(usable & (self.gains != 0), axis=1).astype(total.dtype)
         return BeamScan(time.astype(total.dtype), self.beam_power(spectra), total, channels)
+
+    def scan_frame(self, time: Float[Array, ""], spectra: Complex[Array, "snapshot frequency channel"]) -> BeamScan:
+        """Scan of a single frame from its unitary spectra, every channel usable."""
+        stacked = self.scan_spectra(time[None], spectra[None], jnp.ones((1, spectra.shape[-1]), bool))
+        return jax.tree.map(lambda values: values[0], stacked)
 
 
 def beamformer(
@@ -160,6 +188,27 @@ def beamformer(
     if beams < 8:
         raise InputError(f"beams is {beams}; expected at least 8.")
     grid = BeamGrid(frequency, beams, length // size, array.circular)
-    vectors: np.ndarray = np.moveaxis(np.asarray(steering(array, frequency, grid.bearing)), 1, 2)
-    weights: np.ndarray = np.concatenate([vectors.real, vectors.imag], axis=1, dtype=dtype)
-    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), jnp.asarray(weights))
+    mirrored = _is_mirrored(array)
+    if mirrored:
+        near, far = _halves(np.asarray(array.delays(grid.bearing)))
+        phase = np.pi * frequency[:, None, None] * (near - far).T
+        # A channel in the centre is its own mirror image and counts once.
+        share = np.ones((phase.shape[1], 1))
+        share[len(array.gains) // 2 :] = 0.5
+        weights = np.concatenate([share * np.cos(phase), np.sin(phase)], axis=1)
+    else:
+        vectors: np.ndarray = np.moveaxis(np.asarray(steering(array, frequency, grid.bearing)), 1, 2)
+        weights = np.concatenate([vectors.real, vectors.imag], axis=1)
+    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), jnp.asarray(weights, dtype), mirrored)
+
+
+def _is_mirrored(array: SensorArray) -> bool:
+    """Whether channel m and the m-th from the end lie opposite each other, all about one centre."""
+    sums = array.positions + array.positions[::-1]
+    return bool(np.abs(sums - sums[0]).max() <= MIRROR_METRES)
+
+
+def _halves(values: Any) -> tuple[Any, Any]:
+    """First half of the last axis, and its mirror image from the end; one in the middle is in both."""
+    half = (values.shape[-1] + 1) // 2
+    return values[..., :half], values[..., ::-1][..., :half]

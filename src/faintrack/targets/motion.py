@@ -89,13 +89,18 @@ class BearingMotion(eqx.Module):
         snr_db = jnp.where(snr_db < self.snr_low_db, 2 * self.snr_low_db - snr_db, snr_db)
         snr_db = jnp.where(snr_db > self.snr_high_db, 2 * self.snr_high_db - snr_db, snr_db)
         if self.circular:
-            bearing = jnp.mod(bearing + jnp.pi, 2 * jnp.pi) - jnp.pi
+            bearing = _turn(bearing + jnp.pi) - jnp.pi
         else:
-            turn = jnp.mod(bearing, 2 * jnp.pi)
+            turn = _turn(bearing)
             mirrored = turn > jnp.pi
             bearing = jnp.where(mirrored, 2 * jnp.pi - turn, turn)
             rate = jnp.where(mirrored, -rate, rate)
         return BearingState(bearing, rate, snr_db)
+
+
+def _turn(angle: Float[Array, "*points"]) -> Float[Array, "*points"]:
+    """Angle within one turn from zero. By the floor, since XLA takes remainders one number at a time."""
+    return angle - 2 * jnp.pi * jnp.floor(angle / (2 * jnp.pi))
 
 
 class PlanarMotion(eqx.Module):

@@ -1,0 +1,1 @@
+"""Baselines: what track-before-detect is compared with."""
