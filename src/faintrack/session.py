@@ -18,17 +18,18 @@ import xarray as xr
 from jaxtyping import Array, Float
 from pydantic import ValidationError
 
+from faintrack.baselines.detect_and_track import DetectAndTrack
 from faintrack.belief import Belief
 from faintrack.errors import InputError, naming
 from faintrack.recording import Recording
 from faintrack.result import Result, frames_dataset, tracks_of
 from faintrack.scenario.array import problem
 from faintrack.scenario.build import build_beamformer, build_tracker
-from faintrack.scenario.model import Analysis, Scenario
+from faintrack.scenario.model import Analysis, Scenario, TrackerTable
 from faintrack.sensors.array import SensorArray
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.frames import FrameBlock, frames
-from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
+from faintrack.trackers.single import Estimate, SingleTargetTracker
 
 BLOCK_BYTES = 8 * 2**20
 """Beam power held at once; frames a block follow from it. What lies on the way to it takes several times as much:
@@ -45,13 +46,13 @@ class Moment:
     Attributes
     ----------
     time : middle of the frame; seconds from the start of the recording.
-    belief : all particles after the frame.
+    belief : all particles after the frame; None where the tracker has none.
     estimate : what the tracker says.
     record : shape (beam,); the frame's row of the bearing-time record, dB.
     """
 
     time: float
-    belief: Belief
+    belief: Belief | None
     estimate: Estimate
     record: np.ndarray
 
@@ -110,6 +111,17 @@ def with_analysis(
     return scenario.model_copy(update={"analysis": analysis})
 
 
+def with_method(scenario: Scenario, method: str | None) -> Scenario:
+    """Scenario whose tracking method is replaced where one is given."""
+    if method is None:
+        return scenario
+    try:
+        table = TrackerTable(**{**scenario.tracker.model_dump(), "method": method})
+    except ValidationError as error:
+        raise InputError(f"method {method}: {problem(error)}") from error
+    return scenario.model_copy(update={"tracker": table})
+
+
 def follow(recording: Recording, array: SensorArray, scenario: Scenario | None = None) -> Iterator[Moment]:
     """Yield every frame of a recording as it is taken in; see `track` for the arguments and errors.
 
@@ -124,7 +136,8 @@ def follow(recording: Recording, array: SensorArray, scenario: Scenario | None =
     """
     scenario = Scenario() if scenario is None else scenario
     for block, following, estimates, record in _advance(recording, array, scenario, block_frames=1):
-        yield Moment(float(block.time[0]), following.belief, jax.tree.map(lambda a: a[0], estimates), record[0])
+        belief = getattr(following, "belief", None)
+        yield Moment(float(block.time[0]), belief, jax.tree.map(lambda a: a[0], estimates), record[0])
 
 
 def track_blocks(recording: Recording, array: SensorArray, scenario: Scenario) -> Iterator[xr.Dataset]:
@@ -179,8 +192,12 @@ def measure_noise(
 
 @eqx.filter_jit
 def _take_in(
-    plan: Beamformer, tracker: SingleTargetTracker, following: Following, block: tuple[Array, Array, Array], key: Array
-) -> tuple[Following, Estimate, Array]:
+    plan: Beamformer,
+    tracker: SingleTargetTracker | DetectAndTrack,
+    following: Any,
+    block: tuple[Array, Array, Array],
+    key: Array,
+) -> tuple[Any, Estimate, Array]:
     scans = plan.scan(*block)
     following, estimates = tracker.steps(following, scans, key)
     incoherent = jnp.maximum(scans.total_power, jnp.finfo(jnp.float32).tiny)
@@ -190,7 +207,7 @@ def _take_in(
 
 def _advance(
     recording: Recording, array: SensorArray, scenario: Scenario, block_frames: int | None = None
-) -> Iterator[tuple[FrameBlock, Following, Any, np.ndarray]]:
+) -> Iterator[tuple[FrameBlock, Any, Any, np.ndarray]]:
     """Yield blocks of frames with the tracker's state after them, its estimates and the rows of the record."""
     if recording.channels != len(array.gains):
         raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(array.gains)}.")

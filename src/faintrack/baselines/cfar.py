@@ -77,12 +77,7 @@ class CellAveraging(eqx.Module):
     def detect(self, scan: BeamScan) -> Detections:
         """Local maxima above the threshold."""
         level = self.level(scan)
-        if self.grid.circular:
-            before, after = jnp.roll(level, 1), jnp.roll(level, -1)
-        else:
-            # Mirrored, as the beams of a line are beyond its ends.
-            before = jnp.concatenate([level[1:2], level[:-1]])
-            after = jnp.concatenate([level[1:], level[-2:-1]])
+        before, after = _beside(level, self.grid.circular)
         found = (level > self.threshold) & (level >= before) & (level > after) & (scan.channels >= 2)
         bend = 2 * level - before - after
         offset = jnp.where(bend > 0, (after - before) / jnp.where(bend > 0, 2 * bend, 1), 0)
@@ -168,14 +163,19 @@ def calibrate(
         return state, detector.level(plan.scan_frame(number * 1.0, spectra))
 
     silence = jnp.zeros(frames), jnp.full(frames, -jnp.inf)
-    # The level is free of scale, so noise of power 1 serves; a frame whose power is known has to be drawn at that power.
+    # A level is free of scale, so noise of power 1 serves where none is known.
     noise_power = 1.0 if detector.noise_power is None else detector.noise_power
     levels = over_spectra(take_in, None, key, array, plan.grid, *silence, noise_power)[1]
     threshold = jnp.quantile(levels, 1 - false_alarm_probability, axis=0)
     calibrated = dataclasses.replace(detector, threshold=threshold)
 
-    def count(level: Array) -> Array:
-        above = jnp.concatenate([level[1:2], level, level[-2:-1]])
-        return jnp.sum((level > threshold) & (level >= above[:-2]) & (level > above[2:]))
+    before, after = jax.vmap(lambda level: _beside(level, plan.grid.circular))(levels)
+    found = (levels > threshold) & (levels >= before) & (levels > after)
+    return Calibration(calibrated, jnp.mean(jnp.sum(found, axis=1).astype(levels.dtype)))
 
-    return Calibration(calibrated, jnp.mean(jax.vmap(count)(levels).astype(levels.dtype)))
+
+def _beside(level: Float[Array, " beam"], circular: bool) -> tuple[Float[Array, " beam"], Float[Array, " beam"]]:
+    """Levels of the beams before and after each; mirrored at the ends, as the beams of a line are beyond them."""
+    if circular:
+        return jnp.roll(level, 1), jnp.roll(level, -1)
+    return jnp.concatenate([level[1:2], level[:-1]]), jnp.concatenate([level[1:], level[-2:-1]])

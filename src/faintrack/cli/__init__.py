@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from faintrack.cli import commands
+from faintrack.cli import commands, study
 from faintrack.errors import InputError
 
 app = typer.Typer(
@@ -22,6 +22,7 @@ app.command("simulate")(commands.simulate)
 app.command("track")(commands.track)
 app.command("report")(commands.report)
 app.command("bench")(commands.bench)
+app.add_typer(study.app, name="study")
 
 
 def main() -> None:
@@ -32,5 +33,5 @@ def main() -> None:
         print(f"faintrack: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        print("faintrack: interrupted; nothing was written.", file=sys.stderr)
+        print("faintrack: interrupted; no result was written.", file=sys.stderr)
         sys.exit(130)

@@ -71,6 +71,9 @@ def track(
     ] = None,
     frame: Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans; 1 s where not given.")] = None,
     scenario: Annotated[Path | None, typer.Option(help="TOML file with everything else.")] = None,
+    method: Annotated[
+        str | None, typer.Option(help="bernoulli, track before detect; cfar, detect and track; the scenario's else.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -84,7 +87,7 @@ def track(
     from faintrack.io import match_channels, read, read_array
     from faintrack.scenario import read as read_scenario
     from faintrack.scenario.array import build
-    from faintrack.session import with_analysis
+    from faintrack.session import with_analysis, with_method
 
     base = None if scenario is None else read_scenario(scenario)
     if array is not None:
@@ -95,7 +98,7 @@ def track(
     else:
         raise InputError("no array was given; expected --array FILE, or a --scenario FILE with [array].")
     samples = read(*recording)
-    what = with_analysis(base, band, frame)
+    what = with_method(with_analysis(base, band, frame), method)
     result = run_track(samples, match_channels(geometry, samples), what, out, quiet=as_json)
     if as_json:
         print(json.dumps(result.summary()))

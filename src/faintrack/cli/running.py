@@ -1,10 +1,12 @@
 """Runs with progress: simulation to a file, recording to a result."""
 
+import json
 import os
 import sys
+import time as clock
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 
@@ -17,6 +19,9 @@ from faintrack.scenario.model import Scenario
 from faintrack.scenario.simulate import simulated_samples
 from faintrack.sensors.array import SensorArray
 from faintrack.session import collect, track_blocks
+from faintrack.studies.folder import open_folder
+from faintrack.studies.running import connect, run_missing
+from faintrack.studies.study import load
 
 Item = TypeVar("Item")
 
@@ -43,6 +48,37 @@ def run_simulation(scenario: Scenario, array: SensorArray, out: Path) -> None:
     if table is not None:
         blocks = progress(blocks, "simulating", round(table.duration * table.sample_rate), len, quiet=False)
         write_recording(out, blocks, table.sample_rate, array.channel_names)
+
+
+def run_study(
+    where: str,
+    out: Path,
+    seed: int | None,
+    quick: bool,
+    runs: int | None,
+    resume: bool,
+    workers: int | None,
+    scheduler: str | None,
+    quiet: bool,
+) -> dict[str, Any]:
+    """Compute what a study's folder lacks, then its rows and figures; the summary is what `--json` prints."""
+    start = clock.perf_counter()
+    study = load(where)
+    with open_folder(out, study, seed, quick, runs, resume) as folder:
+        missing = {setting.name: len(folder.missing(setting)) * setting.batch for setting in study.settings}
+        if any(missing.values()):
+            scans = sum(missing[setting.name] * setting.scans for setting in study.settings)
+            with connect(workers, scheduler) as client:
+                done = run_missing(client, where, folder)
+                for _ in progress(done, study.name, scans, lambda pair: pair[1] * pair[0].scans, quiet):
+                    pass
+        rows = [row.as_dict() for row in study.rows(folder.results)]
+        study.figures(folder.results, out)
+        seconds = round(clock.perf_counter() - start, 1)
+        summary = {"study": study.name, "runs": folder.plan.runs, "seed": folder.plan.seed, "seconds": seconds}
+        summary["rows"] = rows
+        folder.keep("rows.json", json.dumps(summary, indent=2) + "\n")
+    return summary
 
 
 def progress(items: Iterable[Item], label: str, total: int, size: Callable[[Item], int], quiet: bool) -> Iterator[Item]:

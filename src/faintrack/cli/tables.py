@@ -1,7 +1,7 @@
 """Tables as a terminal shows them."""
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
@@ -75,6 +75,30 @@ def print_bench(rows: "Sequence[Row]") -> None:
     print("\nTimes, the least of many repeats; ratio: how many times faster than the peer; limit: the machine's own.")
     for row in rows:
         print(f"{row.name}: {row.note}")
+
+
+def print_study(summary: dict[str, Any]) -> None:
+    """Numbers of a study beside the paper's."""
+
+    def number(value: float | None) -> str:
+        return "" if value is None else f"{value:.4g}"
+
+    rows = (
+        (row["key"], row["unit"], number(row["paper"]), number(row["ours"]), _interval(row["interval"]))
+        for row in summary["rows"]
+    )
+    _print(("key", "unit", "paper", "ours", "95 %"), rows, text=("key", "unit"))
+    print()
+    for row in summary["rows"]:
+        print(f"{row['key']}: {row['name']}")
+    print(f"{sum(summary['runs'].values())} runs, seed {summary['seed']}, {summary['seconds']:.0f} s")
+
+
+def _interval(bounds: list[float | None]) -> str:
+    low, high = bounds
+    if low is None and high is None:
+        return ""
+    return f"{'?' if low is None else f'{low:.4g}'} to {'?' if high is None else f'{high:.4g}'}"
 
 
 def _print(columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[str] = ()) -> None:

@@ -2,9 +2,12 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
+from faintrack.baselines.cfar import calibrate, cell_averaging
+from faintrack.baselines.detect_and_track import DetectAndTrack
 from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import Likelihood
@@ -23,6 +26,9 @@ from faintrack.trackers.single import SingleTargetTracker
 FAINTEST = 0.02
 """Nats that one frame tells of the faintest target by default: fifty frames for a factor e."""
 
+CALIBRATION_FRAMES = 2000
+"""Frames of noise from which the baseline's thresholds are found."""
+
 LOUDEST_DB = 20.0
 """Largest SNR of a target by default; dB."""
 
@@ -40,7 +46,7 @@ def build_beamformer(scenario: Scenario, array: SensorArray, sample_rate: float)
 
 def build_tracker(
     scenario: Scenario, array: SensorArray, plan: Beamformer, noise_power: np.ndarray | None = None
-) -> SingleTargetTracker:
+) -> SingleTargetTracker | DetectAndTrack:
     """Tracker of a scenario.
 
     Parameters
@@ -52,6 +58,8 @@ def build_tracker(
     """
     snr_db = scenario.target.snr_db or default_snr_db(array, plan.grid)
     target = build_target(scenario.target, snr_db, plan.grid.circular)
+    if scenario.tracker.method == "cfar":
+        return build_baseline(scenario, array, plan, target)
     table = scenario.likelihood
     likelihood: Likelihood
     if table.kind == "unknown_noise":
@@ -69,6 +77,38 @@ def build_tracker(
     particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
     return SingleTargetTracker(
         particles, likelihood, scenario.tracker.declare, scenario.tracker.drop, scenario.filter.guided
+    )
+
+
+def build_baseline(scenario: Scenario, array: SensorArray, plan: Beamformer, target: Target) -> DetectAndTrack:
+    """Detector, its threshold found by drawing noise, and the tracks on its detections.
+
+    Raises
+    ------
+    InputError : guard and window do not fit the beams.
+    """
+    table, grid = scenario.cfar, plan.grid
+    lobe = lobe_width(array, float(np.mean(grid.frequency)))
+    beams = lobe / float(grid.bearing[1] - grid.bearing[0])
+    guard = math.ceil(beams) if table.guard is None else table.guard
+    window = max(math.ceil(2 * beams), 4) if table.window is None else table.window
+    if table.guard is None and table.window is None:
+        # Short arrays have lobes so wide that no window of their own size fits.
+        guard = min(guard, grid.beams // 6)
+        window = min(window, (grid.beams - 1) // 2 - guard)
+    detector = cell_averaging(grid, guard, window)
+    calibration = calibrate(
+        detector, plan, array, table.false_alarm_probability, jax.random.key(scenario.filter.seed), CALIBRATION_FRAMES
+    )
+    return DetectAndTrack(
+        calibration.detector,
+        target,
+        calibration.false_detections,
+        bearing_std=lobe / 4,
+        lobe=lobe,
+        detection_probability=table.detection_probability,
+        declare=scenario.tracker.declare,
+        drop=scenario.tracker.drop,
     )
 
 

@@ -118,8 +118,17 @@ class FilterTable(Table):
 
 
 class TrackerTable(Table):
-    """A track begins where existence reaches `declare` and ends where the track's own falls below `drop`."""
+    """How tracks come about.
 
+    Attributes
+    ----------
+    method : "bernoulli", track before detect; or "cfar", the classical baseline (`faintrack.baselines`), which reads no
+        likelihood and no particle filter.
+    declare : existence at which a track begins.
+    drop : existence of the track's own below which it ends.
+    """
+
+    method: Literal["bernoulli", "cfar"] = "bernoulli"
     declare: float = Field(default=0.97, gt=0, lt=1)
     drop: float = Field(default=0.3, gt=0, lt=1)
 
@@ -169,6 +178,22 @@ class SimulationTable(Table):
     sources: Annotated[tuple[SourceTable, ...], Field(strict=False)] = ()
 
 
+class CfarTable(Table):
+    """Detection and track score of `tracker.method` "cfar".
+
+    Attributes
+    ----------
+    false_alarm_probability : of a beam in a frame of noise.
+    guard, window : beams left out, and reference beams beyond them, on either side; from the main lobe where not given.
+    detection_probability : of a target in a frame.
+    """
+
+    false_alarm_probability: float = Field(default=0.05, gt=0, lt=0.5)
+    guard: int | None = Field(default=None, ge=0)
+    window: int | None = Field(default=None, ge=1)
+    detection_probability: float = Field(default=0.65, gt=0, lt=1)
+
+
 class Scenario(Table):
     """What to run. The fields are the tables of the file."""
 
@@ -178,6 +203,7 @@ class Scenario(Table):
     likelihood: LikelihoodTable = LikelihoodTable()
     filter: FilterTable = FilterTable()
     tracker: TrackerTable = TrackerTable()
+    cfar: CfarTable = CfarTable()
     simulation: SimulationTable | None = None
 
 

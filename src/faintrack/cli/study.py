@@ -1,0 +1,66 @@
+"""Studies on the command line."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from faintrack.cli.commands import Json
+
+app = typer.Typer(help="Monte Carlo studies: what a paper says, beside what comes out.", no_args_is_help=True)
+
+
+@app.command("list")
+def list_studies(as_json: Json = False) -> None:
+    """List the studies that come with the package.
+
+    Example: [bold]faintrack study list[/bold]
+    """
+    from faintrack.studies.study import STUDIES, load
+
+    studies = [load(name) for name in sorted(STUDIES)]
+    if as_json:
+        print(json.dumps({"studies": [{"study": s.name, "title": s.title} for s in studies]}))
+    for study in () if as_json else studies:
+        runs = sum(setting.runs for setting in study.settings)
+        print(f"{study.name}  {study.title}; {len(study.settings)} settings, {runs} runs")
+
+
+@app.command("run")
+def run(
+    name: Annotated[str, typer.Argument(help="Study of `faintrack study list`, or module:attribute of your own.")],
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer runs: minutes instead of hours.")] = False,
+    runs: Annotated[int | None, typer.Option(min=1, help="Runs of each setting, instead of the study's own.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of all runs; 0 where not given.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for runs, numbers and figures; the study's name.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes on this machine; one a core where not given.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead, such as tcp://host:8786.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with what is in the folder.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a study and print its numbers beside the paper's.
+
+    An interrupted study loses nothing but the batches in hand; --resume goes on.
+
+    Example: [bold]faintrack study run bosser2022 --quick[/bold]
+    """
+    from faintrack.cli.running import run_study
+    from faintrack.cli.tables import print_study
+    from faintrack.errors import InputError
+    from faintrack.studies.study import load
+
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers and --scheduler were both given; expected one of them.")
+    study = load(name)
+    folder = out or Path(f"{study.name}-quick" if quick else study.name)
+    summary = run_study(name, folder, seed, quick, runs, resume, workers, scheduler, quiet=as_json)
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        print_study(summary)
+        print(f"figures    {folder}")

@@ -1,0 +1,1 @@
+"""Studies: many seeded runs over a table of settings, on Dask, and what papers say beside what comes out."""

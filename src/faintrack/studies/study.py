@@ -1,0 +1,181 @@
+"""What a study is: a table of settings times seeded runs, and what is read off the results.
+
+A run is a pure function of a key and the setting's parameters. The key of a run follows from the study's seed, the
+setting's name and the run's number, so every run can be repeated alone, in any order and on any machine (`repeat`).
+Runs are compiled in batches of fixed size, `jax.vmap` over keys; the number of workers changes who computes a batch and
+not what is computed.
+
+A study of your own is a module with a `Study`, named as `module:attribute` where a study's name is asked for.
+"""
+
+import functools
+import importlib
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, PRNGKeyArray
+
+from faintrack.errors import InputError
+
+STUDIES = {"bosser2022": "faintrack.studies.bosser2022:study"}
+"""Studies that come with the package: name, and where it is."""
+
+Results = Callable[[str], xr.Dataset]
+"""Finished runs of a setting by its name."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One row of a study's table.
+
+    Attributes
+    ----------
+    name : within the study; part of the address of its runs.
+    run : function of (key, **parameters) to named arrays, of one run; at the top of a module.
+    runs : in a full study.
+    quick : runs of a quick one.
+    axes : names of the axes of each array that `run` returns.
+    parameters : what `run` is called with beside the key; numbers, which do not make it compile again.
+    scans : of a run; says how long one takes beside those of other settings.
+    batch : runs computed side by side.
+    """
+
+    name: str
+    run: Callable[..., dict[str, Array]]
+    runs: int
+    quick: int
+    axes: Mapping[str, tuple[str, ...]]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    scans: int = 1
+    batch: int = 32
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of a study.
+
+    Attributes
+    ----------
+    key : for programs.
+    name : for people.
+    unit : of all numbers of the row; "1" for a share.
+    paper : what the paper says, where it does.
+    ours : what the runs say; None where they cannot.
+    interval : 95 % interval of `ours`; None, beyond what the runs can tell.
+    """
+
+    key: str
+    name: str
+    unit: str
+    paper: float | None
+    ours: float | None
+    interval: tuple[float | None, float | None] = (None, None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Row as `--json` prints it."""
+        return {
+            "key": self.key,
+            "name": self.name,
+            "unit": self.unit,
+            "paper": self.paper,
+            "ours": _finite(self.ours),
+            "interval": [_finite(bound) for bound in self.interval],
+        }
+
+
+@dataclass(frozen=True)
+class Study:
+    """Settings, and what is read off their results.
+
+    Attributes
+    ----------
+    name : of the study.
+    title : one line.
+    settings : the table.
+    rows : function of the results to the study's numbers.
+    figures : function of the results and a folder; draws pictures there and returns their paths.
+    """
+
+    name: str
+    title: str
+    settings: tuple[Setting, ...]
+    rows: Callable[[Results], list[Row]]
+    figures: Callable[[Results, Path], list[Path]]
+
+    def setting(self, name: str) -> Setting:
+        """Setting of that name."""
+        for setting in self.settings:
+            if setting.name == name:
+                return setting
+        raise InputError(
+            f"study {self.name} has no setting {name}; expected one of {', '.join(s.name for s in self.settings)}."
+        )
+
+
+def load(where: str) -> Study:
+    """Study by its name, or by `module:attribute`.
+
+    Raises
+    ------
+    InputError : there is none.
+
+    Examples
+    --------
+    >>> load("nothing")
+    Traceback (most recent call last):
+    faintrack.errors.InputError: no study is called nothing; expected one of bosser2022, or module:attribute.
+    """
+    place = STUDIES.get(where, where)
+    module, _, attribute = place.partition(":")
+    if not attribute:
+        raise InputError(
+            f"no study is called {where}; expected one of {', '.join(sorted(STUDIES))}, or module:attribute."
+        )
+    try:
+        study = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"study {where} cannot be imported ({error}).") from error
+    if not isinstance(study, Study):
+        raise InputError(f"{where} is a {type(study).__name__}; expected a Study.")
+    return study
+
+
+def address(seed: int, setting: str, run: int) -> PRNGKeyArray:
+    """Key of one run.
+
+    Examples
+    --------
+    >>> bool((address(0, "noise", 7) == address(0, "noise", 7)) & (address(0, "noise", 7) != address(0, "noise", 8)))
+    True
+    """
+    return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), zlib.crc32(setting.encode())), run)
+
+
+def run_batch(where: str, setting_name: str, seed: int, first: int) -> dict[str, np.ndarray]:
+    """One batch of runs, from the run `first` on; first axis of every array: runs."""
+    setting = load(where).setting(setting_name)
+    keys = jax.vmap(lambda run: address(seed, setting.name, run))(first + np.arange(setting.batch))
+    parameters = {name: np.float32(value) for name, value in setting.parameters.items()}
+    return {name: np.asarray(values) for name, values in _batched(setting.run)(keys, parameters).items()}
+
+
+def repeat(where: str, setting_name: str, run: int, seed: int = 0) -> dict[str, np.ndarray]:
+    """One run again: the arrays that the study kept of it, bit for bit on the same kind of machine."""
+    batch = load(where).setting(setting_name).batch
+    arrays = run_batch(where, setting_name, seed, run - run % batch)
+    return {name: values[run % batch] for name, values in arrays.items()}
+
+
+@functools.cache
+def _batched(run: Callable[..., dict[str, Array]]) -> Callable[..., dict[str, Array]]:
+    return jax.jit(jax.vmap(lambda key, parameters: run(key, **parameters), in_axes=(0, None)))
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(value)
