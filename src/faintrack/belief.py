@@ -87,6 +87,30 @@ def update(belief: Belief, log_ratio: Float[Array, "*points"] | Float[Array, "..
     return updated, log_evidence
 
 
+def log_gain(updated: Belief, log_evidence: Float[Array, ""]) -> Float[Array, ""]:
+    r"""How much likelier the belief's own model makes a scan than noise alone.
+
+    Parameters
+    ----------
+    updated : belief after the scan.
+    log_evidence : that `update` returned with it.
+
+    Returns
+    -------
+    Log of :math:`(1 - q) + q I`, q the existence before the scan. Its sum over scans is the log of the likelihood ratio
+    of "targets come and go as the model says" to "never a target"; see `faintrack.metrics.thresholds`.
+
+    Examples
+    --------
+    >>> belief = Belief(None, jnp.zeros(1), jnp.array(0.0), jnp.array(0.0))
+    >>> updated, log_evidence = update(belief, jnp.log(jnp.array([3.0])))
+    >>> round(float(jnp.exp(log_gain(updated, log_evidence))), 4)
+    2.0
+    """
+    before = updated.log_odds - log_evidence
+    return jnp.logaddexp(jax.nn.log_sigmoid(-before), jax.nn.log_sigmoid(before) + log_evidence)
+
+
 def mean(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Any:
     """Mean state; angles are averaged on the circle.
 

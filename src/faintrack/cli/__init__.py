@@ -21,6 +21,7 @@ app.command("demo")(commands.demo)
 app.command("simulate")(commands.simulate)
 app.command("track")(commands.track)
 app.command("report")(commands.report)
+app.command("calibrate")(commands.calibrate)
 app.command("bench")(commands.bench)
 app.add_typer(study.app, name="study")
 

@@ -81,24 +81,12 @@ def track(
 
     Example: [bold]faintrack track night.wav --array array.toml --band 100 1500 --out night[/bold]
     """
-    from faintrack.cli.running import run_track
+    from faintrack.cli.running import run_track, scenario_and_array
     from faintrack.cli.tables import print_tracks
-    from faintrack.errors import InputError, naming
-    from faintrack.io import match_channels, read, read_array
-    from faintrack.scenario import read as read_scenario
-    from faintrack.scenario.array import build
-    from faintrack.session import with_analysis, with_method
+    from faintrack.io import match_channels, read
 
-    base = None if scenario is None else read_scenario(scenario)
-    if array is not None:
-        geometry = read_array(array)
-    elif base is not None and scenario is not None and base.array is not None:
-        with naming(scenario):
-            geometry = build(base.array, scenario.parent)
-    else:
-        raise InputError("no array was given; expected --array FILE, or a --scenario FILE with [array].")
+    what, geometry = scenario_and_array(scenario, array, band, frame, method)
     samples = read(*recording)
-    what = with_method(with_analysis(base, band, frame), method)
     result = run_track(samples, match_channels(geometry, samples), what, out, quiet=as_json)
     if as_json:
         print(json.dumps(result.summary()))
@@ -121,6 +109,48 @@ def report(
 
     result = read_result(folder)
     print(f"report     {write_report(out or folder / 'report.html', result)}")
+
+
+def calibrate(
+    array: Annotated[Path | None, typer.Option(help="TOML or Acoular XML with the channels' positions.")] = None,
+    band: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequencies to use; Hz.")
+    ] = None,
+    frame: Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans; 1 s where not given.")] = None,
+    scenario: Annotated[Path | None, typer.Option(help="TOML file with everything else.")] = None,
+    method: Annotated[str | None, typer.Option(help="bernoulli or cfar; the scenario's where not given.")] = None,
+    sample_rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Of the recordings; 2.5 times the band where not given.")
+    ] = None,
+    probability: Annotated[float, typer.Option(help="Of a false track in the duration.")] = 1e-3,
+    duration: Annotated[float, typer.Option(metavar="SECONDS", help="Time that the probability is for.")] = 180.0,
+    runs: Annotated[int | None, typer.Option(min=2, help="Runs to draw; enough where not given.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Find the threshold that noise passes as rarely as is wished.
+
+    Example: [bold]faintrack calibrate --array array.toml --band 100 1500 --probability 0.01 --duration 3600[/bold]
+    """
+    from faintrack.cli.running import run_calibration, scenario_and_array
+    from faintrack.errors import InputError
+
+    what, geometry = scenario_and_array(scenario, array, band, frame, method)
+    if sample_rate is None:
+        if what.analysis.band is None:
+            raise InputError("no sample rate was given; expected --sample-rate HZ, or a --band to take it from.")
+        sample_rate = 2.5 * what.analysis.band[1]
+    found = run_calibration(what, geometry, sample_rate, probability, duration, runs, seed, quiet=as_json)
+    threshold = found.threshold
+    if as_json:
+        interval = [threshold.low, threshold.high]
+        told = {"threshold": threshold.value, "interval": interval, "by": found.by, "runs": found.runs}
+        print(json.dumps({**told, "probability": probability, "duration": duration}))
+    else:
+        print(f"threshold  {threshold.value:.5f}, 95 % interval {threshold.low:.5f} to {threshold.high:.5f}")
+        print(f"for        a false track in {duration:g} s with probability {probability:g}")
+        print(f"found by   {found.by}, {found.runs} runs")
+        print(f"scenario   [tracker] declare = {threshold.value:.5f}")
 
 
 def bench(as_json: Json = False) -> None:

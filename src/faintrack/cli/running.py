@@ -1,5 +1,6 @@
 """Runs with progress: simulation to a file, recording to a result."""
 
+import contextlib
 import json
 import os
 import sys
@@ -10,20 +11,59 @@ from typing import Any, TypeVar
 
 import jax
 
-from faintrack.io import write_recording
+from faintrack.calibration import Calibrated, calibrate
+from faintrack.errors import InputError, naming
+from faintrack.io import read_array, write_recording
 from faintrack.io.results import read_result, result_folder, write_result
 from faintrack.plots.report import write_report
 from faintrack.recording import Recording
 from faintrack.result import Result
+from faintrack.scenario import read as read_scenario
+from faintrack.scenario.array import build
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.simulate import simulated_samples
 from faintrack.sensors.array import SensorArray
-from faintrack.session import collect, track_blocks
+from faintrack.session import collect, track_blocks, with_analysis, with_method
 from faintrack.studies.folder import open_folder
 from faintrack.studies.running import connect, run_missing
 from faintrack.studies.study import load
 
 Item = TypeVar("Item")
+
+
+def scenario_and_array(
+    scenario: Path | None,
+    array: Path | None,
+    band: tuple[float, float] | None,
+    frame: float | None,
+    method: str | None,
+) -> tuple[Scenario, SensorArray]:
+    """What the options ask for: the scenario's file with what is given beside it, and the array of either."""
+    base = None if scenario is None else read_scenario(scenario)
+    if array is not None:
+        geometry = read_array(array)
+    elif base is not None and scenario is not None and base.array is not None:
+        with naming(scenario):
+            geometry = build(base.array, scenario.parent)
+    else:
+        raise InputError("no array was given; expected --array FILE, or a --scenario FILE with [array].")
+    return with_method(with_analysis(base, band, frame), method), geometry
+
+
+def run_calibration(
+    scenario: Scenario,
+    array: SensorArray,
+    sample_rate: float,
+    probability: float,
+    duration: float,
+    runs: int | None,
+    seed: int,
+    quiet: bool,
+) -> Calibrated:
+    """Threshold of a scenario, with progress."""
+    keep_compilations()
+    with progress_bar("calibrating", quiet) as advance:
+        return calibrate(scenario, array, sample_rate, probability, duration, runs, seed, advance)
 
 
 def run_track(recording: Recording, array: SensorArray, scenario: Scenario, out: Path | None, quiet: bool) -> Result:
@@ -83,23 +123,42 @@ def run_study(
 
 def progress(items: Iterable[Item], label: str, total: int, size: Callable[[Item], int], quiet: bool) -> Iterator[Item]:
     """Yield items while a bar on standard error shows how much is done; silent where nobody looks."""
+    with progress_bar(label, quiet) as advance:
+        for item in items:
+            yield item
+            advance(size(item), total)
+
+
+@contextlib.contextmanager
+def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    """Function that is told how much was done just now, and of how much; it shows share, rate and time left."""
     if quiet or not sys.stderr.isatty():
-        yield from items
+        yield lambda done, total: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Of what is counted, a second."""
+
+        def render(self, task: Any) -> Text:
+            return Text("" if task.speed is None else f"{task.speed:.0f}/s")
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
+        Rate(),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(label, total=total)
-        for item in items:
-            yield item
-            bar.advance(task, size(item))
+        task = bar.add_task(label, total=None)
+
+        def advance(done: int, total: int) -> None:
+            bar.update(task, advance=done, total=total)
+
+        yield advance
 
 
 def keep_compilations() -> None:

@@ -1,6 +1,7 @@
 """Studies on the command line."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -58,7 +59,11 @@ def run(
         raise InputError("--workers and --scheduler were both given; expected one of them.")
     study = load(name)
     folder = out or Path(f"{study.name}-quick" if quick else study.name)
-    summary = run_study(name, folder, seed, quick, runs, resume, workers, scheduler, quiet=as_json)
+    try:
+        summary = run_study(name, folder, seed, quick, runs, resume, workers, scheduler, quiet=as_json)
+    except KeyboardInterrupt:
+        print(f"faintrack: interrupted; finished runs are kept in {folder}, --resume goes on.", file=sys.stderr)
+        raise typer.Exit(130) from None
     if as_json:
         print(json.dumps(summary))
     else:

@@ -11,11 +11,16 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.belief import Belief, update
 from faintrack.filters.guide import guide
+from faintrack.targets.target import Target
 
 
 @runtime_checkable
 class Filter(Protocol):
     """Starts a belief and carries it forward."""
+
+    @property
+    def target(self) -> Target:
+        """What the filter believes of a target."""
 
     def init(self, key: PRNGKeyArray, time: float = 0.0) -> Belief:
         """Belief before any scan."""

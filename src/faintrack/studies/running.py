@@ -86,7 +86,13 @@ def run_missing(client: "Client", where: str, folder: Folder) -> Iterator[tuple[
     from distributed.client import FutureCancelledError
 
     study, seed = folder.study, folder.plan.seed
-    batches = ((setting, first) for setting in study.settings for first in folder.missing(setting))
+    # Every setting advances at the same pace, so that a study cut short is a smaller study.
+    batches = iter(
+        sorted(
+            ((setting, first) for setting in study.settings for first in folder.missing(setting)),
+            key=lambda batch: batch[1] / folder.plan.runs[batch[0].name],
+        )
+    )
     started: dict[Any, tuple[Setting, int]] = {}
 
     def submit(count: int) -> list[Any]:

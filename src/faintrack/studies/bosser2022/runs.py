@@ -21,7 +21,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.baselines.cfar import calibrate, cell_averaging
 from faintrack.baselines.detect_and_track import DetectAndTrack
-from faintrack.belief import Belief
+from faintrack.belief import Belief, log_gain
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import Likelihood, step
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
@@ -131,15 +131,11 @@ def follow(
         scan = at.plan.scan_frame(number + 1.0, spectra)
         after, told = {}, {}
         for name in particles:
-            before = filter.target.transition(scan.time - beliefs[name].time)
             belief, evidence = step(
                 filter, at.likelihoods[name], beliefs[name], scan, jax.random.fold_in(for_filter, number), guided
             )
-            there = jax.nn.sigmoid(beliefs[name].log_odds)
-            predicted = before[0] * (1 - there) + before[1] * there
-            gain = jnp.logaddexp(jnp.log1p(-predicted), jnp.log(predicted) + evidence)
             after[name] = belief
-            told[name] = belief.log_odds, gain, *(_bearing(belief) if estimates else ())
+            told[name] = belief.log_odds, log_gain(belief, evidence), *(_bearing(belief) if estimates else ())
         if standing is not None:
             standing, estimate = at.baseline.step(standing, scan, key)
             odds = jnp.log(estimate.existence) - jnp.log1p(-jnp.minimum(estimate.existence, 1 - 1e-7))

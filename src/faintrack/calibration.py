@@ -1,0 +1,165 @@
+"""The threshold on existence at which a scenario declares a false track as rarely as is wished.
+
+Likelihood ratios are calibrated by Wald's identity, with runs drawn from the scenario's own model; what is no
+likelihood ratio (lobe width, the CFAR baseline) by counting runs on noise, a hundred times as many. Both are in
+`faintrack.metrics.thresholds`. Noise is drawn white and of power 1: with the noise power integrated out any other
+spectrum gives the same threshold, and a noise power that is known is known.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from faintrack.belief import log_gain
+from faintrack.errors import InputError
+from faintrack.filters.run import step
+from faintrack.metrics.thresholds import Stratum, Threshold, counted_threshold, wald_threshold
+from faintrack.scenario.build import build_beamformer, build_tracker
+from faintrack.scenario.model import Scenario
+from faintrack.sensors.array import SensorArray
+from faintrack.signal.beamformer import Beamformer
+from faintrack.simulation.model import birth_probability, draw_target
+from faintrack.simulation.spectra import over_spectra
+from faintrack.trackers.single import SingleTargetTracker
+
+BATCH = 16
+"""Runs side by side."""
+
+WALD_RUNS = 512
+"""Runs with a target where the number is not given; a quarter as many without one are drawn beside them."""
+
+EXCEEDING = 20
+"""Runs on noise that are wanted above the threshold where their number is not given."""
+
+Told = Callable[[int, int], None]
+"""Called with the runs drawn just now, and the number of all."""
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A threshold and how it was found.
+
+    Attributes
+    ----------
+    threshold : on the probability of existence, with its 95 % interval.
+    by : "Wald's identity" or "counting".
+    runs : that were drawn.
+    """
+
+    threshold: Threshold
+    by: str
+    runs: int
+
+
+def calibrate(
+    scenario: Scenario,
+    array: SensorArray,
+    sample_rate: float,
+    probability: float = 1e-3,
+    duration: float = 180.0,
+    runs: int | None = None,
+    seed: int = 0,
+    told: Told = lambda drawn, total: None,
+) -> Calibrated:
+    """Threshold of a scenario for a probability of a false track in a stated time.
+
+    Parameters
+    ----------
+    scenario : analysis, target, likelihood, filter and tracker.
+    array : geometry, sound speed, dead channels.
+    sample_rate : of the recordings; Hz.
+    probability : of a false track in `duration`.
+    duration : s.
+    runs : with a target, or on noise where runs are counted; where not given, 512 or twenty over the probability.
+    seed : of the random numbers.
+    told : is told of progress.
+
+    Raises
+    ------
+    InputError : probability or duration out of range; runs too few to reach the probability.
+    """
+    if not 0 < probability < 1:
+        raise InputError(f"probability is {probability:g}; expected a number between 0 and 1.")
+    interval = scenario.analysis.frame
+    frames = round(duration / interval)
+    if frames < 1:
+        raise InputError(f"duration is {duration:g} s; expected at least one frame of {interval:g} s.")
+    plan = build_beamformer(scenario, array, sample_rate)
+    tracker = build_tracker(scenario, array, plan, np.ones(plan.grid.frequency.size, np.float32))
+    time = interval * jnp.arange(1.0, frames + 1)
+    if not isinstance(tracker, SingleTargetTracker) or scenario.likelihood.kind == "lobe_width":
+        count = round(EXCEEDING / probability) if runs is None else runs
+        (highest,) = _drawn(_on_noise(tracker, plan, array, time), count, seed, lambda drawn: told(drawn, count))
+        return Calibrated(counted_threshold(highest, probability), "counting", count)
+    with_target = WALD_RUNS if runs is None else runs
+    without = max(with_target // 4, 2)
+    born = birth_probability(tracker.filter.target, interval, frames)
+    strata = []
+    for count, share, present in ((with_target, born, True), (without, 1 - born, False)):
+        run = _modelled(tracker, plan, array, time, present)
+        strata.append(Stratum(share, *_drawn(run, count, seed, lambda drawn: told(drawn, with_target + without))))
+    return Calibrated(wald_threshold(strata, probability), "Wald's identity", with_target + without)
+
+
+def _drawn(
+    run: Callable[[PRNGKeyArray], tuple[Array, ...]], count: int, seed: int, told: Callable[[int], None]
+) -> tuple[np.ndarray, ...]:
+    """Results of so many runs, drawn in batches."""
+    batched = jax.jit(jax.vmap(run))
+    batches = []
+    for first in range(0, count, BATCH):
+        keys = jax.vmap(lambda number: jax.random.fold_in(jax.random.key(seed), number))(first + np.arange(BATCH))
+        used = min(BATCH, count - first)
+        batches.append([np.asarray(values)[:used] for values in batched(keys)])
+        told(used)
+    return tuple(np.concatenate(column) for column in zip(*batches, strict=True))
+
+
+def _modelled(
+    tracker: SingleTargetTracker, plan: Beamformer, array: SensorArray, time: Float[Array, " scan"], present: bool
+) -> Callable[[PRNGKeyArray], tuple[Array, ...]]:
+    """A run of the tracker's own model, with a target or without: log odds and log ratio after every frame."""
+    filter = tracker.filter
+
+    def run(key: PRNGKeyArray) -> tuple[Array, ...]:
+        for_target, for_spectra, for_filter = jax.random.split(key, 3)
+        states, there = draw_target(for_target, filter.target, time)
+        snr_db = jnp.where(there & present, states.snr_db, -jnp.inf)
+
+        def take_in(state: tuple, number: Array, spectra: Array) -> tuple[tuple, tuple[Array, Array]]:
+            belief, log_ratio = state
+            scan = plan.scan_frame(time[number], spectra)
+            key = jax.random.fold_in(for_filter, number)
+            belief, log_evidence = step(filter, tracker.likelihood, belief, scan, key, tracker.guided)
+            log_ratio = log_ratio + log_gain(belief, log_evidence)
+            return (belief, log_ratio), (belief.log_odds, log_ratio)
+
+        start = filter.init(jax.random.fold_in(for_filter, time.size)), jnp.zeros(())
+        return over_spectra(take_in, start, for_spectra, array, plan.grid, states.bearing, snr_db)[1]
+
+    return run
+
+
+def _on_noise(
+    tracker: Any, plan: Beamformer, array: SensorArray, time: Float[Array, " scan"]
+) -> Callable[[PRNGKeyArray], tuple[Array, ...]]:
+    """A run on noise: the highest log odds of existence."""
+
+    def run(key: PRNGKeyArray) -> tuple[Array, ...]:
+        for_spectra, for_filter = jax.random.split(key)
+
+        def take_in(following: Any, number: Array, spectra: Array) -> tuple[Any, Array]:
+            following, estimate = tracker.step(following, plan.scan_frame(time[number], spectra), for_filter)
+            # Existence in single precision is below 1 by 6e-8 or not at all.
+            return following, jax.scipy.special.logit(jnp.clip(estimate.existence, 1e-7, 1 - 1e-7))
+
+        silence = jnp.zeros_like(time), jnp.full_like(time, -jnp.inf)
+        odds = over_spectra(take_in, tracker.init(for_filter), for_spectra, array, plan.grid, *silence)[1]
+        return (odds.max(),)
+
+    return run
