@@ -19,7 +19,7 @@ from typing import Any
 import jax
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from faintrack.errors import InputError
 
@@ -146,7 +146,7 @@ def load(where: str) -> Study:
     return study
 
 
-def address(seed: int, setting: str, run: int) -> PRNGKeyArray:
+def address(seed: int, setting: str, run: int | Int[Array, ""]) -> PRNGKeyArray:
     """Key of one run.
 
     Examples
@@ -169,7 +169,7 @@ def repeat(where: str, setting_name: str, run: int, seed: int = 0) -> dict[str, 
     """One run again: the arrays that the study kept of it, bit for bit on the same kind of machine."""
     batch = load(where).setting(setting_name).batch
     arrays = run_batch(where, setting_name, seed, run - run % batch)
-    return {name: values[run % batch] for name, values in arrays.items()}
+    return {name: np.asarray(values[run % batch]) for name, values in arrays.items()}
 
 
 @functools.cache

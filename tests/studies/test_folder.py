@@ -1,0 +1,110 @@
+"""Folders that are not what is asked for: one sentence that says what was found, and nothing touched."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from faintrack.errors import InputError
+from faintrack.studies.folder import open_folder
+from faintrack.studies.study import load, run_batch
+from tests.studies.small import WHERE, other, study
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Folder of a study with one batch."""
+    with open_folder(tmp_path / "out", study, None, False, None, resume=False) as folder:
+        folder.write(study.settings[0], 4, run_batch(WHERE, "short", 0, 4))
+    return tmp_path / "out"
+
+
+def change(path: Path, **fields: object) -> None:
+    file = path / "study.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | fields))
+
+
+def refuse(path: Path, says: str, which: object = study, resume: bool = True, **asked: object) -> None:
+    options = {"seed": None, "quick": False, "runs": None} | asked
+    before = {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    with pytest.raises(InputError, match=says), open_folder(path, which, resume=resume, **options):  # type: ignore[arg-type]
+        pass
+    assert {file: file.read_bytes() for file in path.rglob("*") if file.is_file()} == before
+
+
+def test_only_finished_runs_are_read(path: Path) -> None:
+    with open_folder(path, study, None, False, None, resume=True) as folder:
+        assert folder.missing(study.settings[0]) == [0, 8, 12, 16, 20]
+        np.testing.assert_array_equal(folder.results("short").place, run_batch(WHERE, "short", 0, 4)["place"])
+        with pytest.raises(InputError, match="no run of setting long"):
+            folder.results("long")
+
+
+def test_a_study_is_not_written_over(path: Path) -> None:
+    refuse(path, "holds a study; add --resume", resume=False)
+
+
+def test_folder_of_another_study(path: Path) -> None:
+    refuse(path, "study.json is of study small; expected other", other)
+
+
+def test_folder_of_an_older_version(path: Path) -> None:
+    change(path, version="0.0.1")
+    refuse(path, "is of faintrack 0.0.1, format 1; this is")
+
+
+def test_folder_of_an_older_format(path: Path) -> None:
+    change(path, format=0)
+    refuse(path, "format 0; this is")
+
+
+def test_folder_of_other_settings(path: Path) -> None:
+    change(path, runs={"short": 3})
+    refuse(path, "settings are not those of the study now")
+
+
+def test_another_seed_or_number_of_runs(path: Path) -> None:
+    refuse(path, "the study has seed 0; 7 was asked for", seed=7)
+    refuse(path, "3 of each were asked for", runs=3)
+    refuse(path, "a full one; a quick one was asked for", quick=True)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", "null"])
+def test_a_description_that_is_damaged(path: Path, text: str) -> None:
+    (path / "study.json").write_text(text)
+    refuse(path, "study.json cannot be read")
+
+
+def test_a_folder_of_something_else(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").touch()
+    with (
+        pytest.raises(InputError, match=r"holds thesis.tex and no study.json"),
+        open_folder(tmp_path, study, None, False, None, resume=False),
+    ):
+        pass
+
+
+def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "out").touch()
+    with (
+        pytest.raises(InputError, match="out cannot be written"),
+        open_folder(tmp_path / "out", study, None, False, None, resume=False),
+    ):
+        pass
+
+
+def test_two_studies_on_one_folder(path: Path) -> None:
+    with open_folder(path, study, None, False, None, resume=True):
+        refuse(path, "in use by another study")
+
+
+def test_a_study_that_does_not_exist() -> None:
+    for where in ("nothing", "no.such.module:study", "tests.studies.small:nothing", "tests.studies.small:rows"):
+        with pytest.raises(InputError, match=where):
+            load(where)
+
+
+def test_a_setting_that_does_not_exist() -> None:
+    with pytest.raises(InputError, match="no setting middle; expected one of short, long"):
+        study.setting("middle")
