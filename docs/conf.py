@@ -45,6 +45,7 @@ sphinx_gallery_conf = {
             "plot_fixed_noise_or_unknown.py",
             "plot_likelihoods.py",
             "plot_beam_pattern.py",
+            "plot_infrasound_noise.py",
         ]
     ),
     "show_memory": False,

@@ -30,6 +30,9 @@ from scipy.stats import norm
 from faintrack.errors import InputError
 from faintrack.metrics.intervals import quantile_interval, tail
 
+LARGEST_LOG_ODDS = 30.0
+"""Thresholds are looked for up to existence 1 - 1e-13."""
+
 
 @dataclass(frozen=True)
 class Threshold:
@@ -109,8 +112,10 @@ def wald_threshold(strata: Sequence[Stratum], probability: float, confidence: fl
     ------
     InputError : the runs do not reach thresholds high enough; more, or longer, runs are needed.
     """
-    levels = np.sort(np.concatenate([s.log_odds.max(axis=1) for s in strata]))
-    grid = np.linspace(max(levels[0], -10.0), levels[int(0.98 * (len(levels) - 1))], 400)
+    highest = np.concatenate([stratum.log_odds.max(axis=1) for stratum in strata])
+    # Log odds of loud targets reach thousands; thresholds that anybody uses lie within these.
+    low, high = np.clip([highest.min(), np.quantile(highest, 0.98)], -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
+    grid = np.linspace(low, high, 1000)
     estimates = np.array([_declared(strata, level) for level in grid])
     z = norm.isf(tail(confidence))
     middle, spread = estimates.T
@@ -138,4 +143,4 @@ def _declared(strata: Sequence[Stratum], level: float) -> tuple[float, float]:
         weight = np.where(passed.any(axis=1), np.exp(-at.astype(float)), 0.0)
         total += stratum.probability * weight.mean()
         variance += stratum.probability**2 * weight.var(ddof=1) / len(weight) if len(weight) > 1 else 0.0
-    return total, float(np.sqrt(variance))
+    return float(total), float(np.sqrt(variance))
