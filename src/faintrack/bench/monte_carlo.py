@@ -54,9 +54,9 @@ def scenario1_run_step(machine: Machine, sizes: Sizes) -> Row:
         compile_seconds=max(timing.compile for timing in timings),
         note=(
             f"one scan of one run of bosser2022, scenario I: {sizes.channels} channels, {SAMPLES} samples, "
-            f"{sizes.beams} beams, {sizes.particles} + {sizes.births} particles, spectra drawn in its time, {RUNS} runs "
-            f"of {sizes.steps} scans side by side in each of {len(workers)} workers of one thread, as a study has them; "
-            "no peer; limit: its random numbers drawn at once and beam sums at the rate of a large matrix product"
+            f"{sizes.beams} beams, {sizes.particles} + {sizes.births} particles, spectra drawn in its time; {RUNS} runs"
+            f" of {sizes.steps} scans side by side in each of {len(workers)} workers of one thread, as in a study; no "
+            "peer; limit: its random numbers drawn at once and beam sums at the rate of a large matrix product"
         ),
     )
 

@@ -88,6 +88,12 @@ def rows(results: Results) -> list[Row]:
             errors, _ = _at_detection(loud, method, levels[method])
             value = (None, None, None) if len(errors) < 2 else _bootstrapped(lambda e: np.degrees(rmse(e)), errors)
             found.append(_row("bearing_rmse_deg", method, "bearing error at detection, -15 dB", "degree", value))
+    loud = _load(results, "guided_15")
+    if loud is not None:
+        errors, _ = _at_detection(loud, "wgsml", levels["wgsml"])
+        name = "bearing error at detection, -15 dB, WGSML with guided newborn particles"
+        value, low, high = _bootstrapped(lambda e: np.degrees(rmse(e)), errors)
+        found.append(Row("bearing_rmse_deg_guided", name, "degree", None, value, (low, high)))
     coming = _load(results, "approach")
     if coming is not None:
         for method in METHODS:

@@ -183,6 +183,14 @@ def scenario_one(key: PRNGKeyArray, snr_db: Float[Array, ""]) -> dict[str, Array
     return errors(follow(for_run, bearing, heard_db), bearing)
 
 
+def guided(key: PRNGKeyArray, snr_db: Float[Array, ""]) -> dict[str, Array]:
+    """As `scenario_one` with WGSML alone, newborn particles drawn where the scan points, as on recordings."""
+    for_target, for_run = jax.random.split(key)
+    bearing = true_bearing(for_target, SCANS)
+    heard_db = jnp.where(jnp.arange(SCANS) < APPEARS, -jnp.inf, snr_db)
+    return errors(follow(for_run, bearing, heard_db, methods=("wgsml",), guided=True), bearing)
+
+
 def approach(key: PRNGKeyArray) -> dict[str, Array]:
     """Scenario II: a target comes towards the array, its SNR rising by spreading (eq. 28)."""
     for_target, for_run = jax.random.split(key)
