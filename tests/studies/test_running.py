@@ -143,8 +143,14 @@ def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_control_c_keeps_what_is_finished(tmp_path: Path) -> None:
     path = tmp_path / "interrupted"
     command = [sys.executable, "-m", "faintrack.cli", "study", "run", WHERE, "--workers", "1", "--runs", "4000"]
+    # Whoever runs the tests in the background has Ctrl-C ignored, and children inherit that.
     process = subprocess.Popen(
-        [*command, "--out", str(path)], cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True
+        [*command, "--out", str(path)],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     finished = path / "runs.zarr" / "long" / "done" / "0"
     end = time.monotonic() + 60

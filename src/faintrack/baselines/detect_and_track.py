@@ -232,7 +232,7 @@ class DetectAndTrack(eqx.Module):
         fresh = strength > -jnp.inf
         # A tentative track may take the place of one that has come to less.
         fresh = fresh & (tracks.score[places] < score)
-        bearing = detections.bearing[beams]
+        bearing = self._difference(detections.bearing[beams])
         rate_variance = (self.target.birth.high.bearing_rate - self.target.birth.low.bearing_rate) ** 2 / 12
         covariance = jnp.stack(
             [self._noise(bearing), jnp.zeros_like(bearing), jnp.full_like(bearing, rate_variance)], axis=1

@@ -112,10 +112,10 @@ def wald_threshold(strata: Sequence[Stratum], probability: float, confidence: fl
     ------
     InputError : the runs do not reach thresholds high enough; more, or longer, runs are needed.
     """
-    highest = np.concatenate([stratum.log_odds.max(axis=1) for stratum in strata])
+    highest = np.concatenate([stratum.log_odds.max(axis=1) for stratum in strata]).astype(float)
     # Log odds of loud targets reach thousands; thresholds that anybody uses lie within these.
     low, high = np.clip([highest.min(), np.quantile(highest, 0.98)], -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
-    grid = np.linspace(low, high, 1000)
+    grid = np.linspace(float(low), float(high), 1000)
     estimates = np.array([_declared(strata, level) for level in grid])
     z = norm.isf(tail(confidence))
     middle, spread = estimates.T
