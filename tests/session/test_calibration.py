@@ -1,8 +1,5 @@
 """A threshold for a scenario: by the identity where there is a likelihood ratio, by counting where there is none."""
 
-from collections.abc import Iterator
-
-import jax
 import numpy as np
 import pytest
 
@@ -20,18 +17,6 @@ SMALL = Scenario(
 )
 """Three bins, four snapshots, 24 beams, 50 particles."""
 DURATION, FRAMES = 0.64, 10
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled_in_haste() -> Iterator[None]:
-    """These runs take a moment and their compilation many: it is done without most of its optimizations."""
-    options = {"jax_disable_most_optimizations": True, "jax_exec_time_optimization_effort": -1.0}
-    before = {name: getattr(jax.config, name) for name in options}
-    for name, value in options.items():
-        jax.config.update(name, value)
-    yield
-    for name, value in before.items():
-        jax.config.update(name, value)
 
 
 def calibrated(scenario: Scenario, runs: int, probability: float = 0.1) -> tuple[Calibrated, list[tuple[int, int]]]:
