@@ -6,6 +6,7 @@ likelihood ratio (lobe width, the CFAR baseline) by counting runs on noise, a hu
 spectrum gives the same threshold, and a noise power that is known is known.
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.belief import log_gain
 from faintrack.errors import InputError
@@ -83,6 +84,8 @@ def calibrate(
     ------
     InputError : probability or duration out of range; runs too few to reach the probability.
     """
+    if runs is not None and runs < 2:
+        raise InputError(f"runs is {runs}; expected at least 2.")
     if not 0 < probability < 1:
         raise InputError(f"probability is {probability:g}; expected a number between 0 and 1.")
     interval = scenario.analysis.frame
@@ -94,39 +97,42 @@ def calibrate(
     time = interval * jnp.arange(1.0, frames + 1)
     if not isinstance(tracker, SingleTargetTracker) or scenario.likelihood.kind == "lobe_width":
         count = round(EXCEEDING / probability) if runs is None else runs
-        (highest,) = _drawn(_on_noise(tracker, plan, array, time), count, seed, lambda drawn: told(drawn, count))
+        run = jax.jit(jax.vmap(_on_noise(tracker, plan, array, time)))
+        (highest,) = _drawn(run, count, jax.random.key(seed), lambda drawn: told(drawn, count))
         return Calibrated(counted_threshold(highest, probability), "counting", count)
     with_target = WALD_RUNS if runs is None else runs
     without = max(with_target // 4, 2)
     born = birth_probability(tracker.filter.target, interval, frames)
+    modelled = jax.jit(jax.vmap(_modelled(tracker, plan, array, time), in_axes=(None, 0)))
     strata = []
     for count, share, present in ((with_target, born, True), (without, 1 - born, False)):
-        run = _modelled(tracker, plan, array, time, present)
-        strata.append(Stratum(share, *_drawn(run, count, seed, lambda drawn: told(drawn, with_target + without))))
+        key = jax.random.fold_in(jax.random.key(seed), int(present))
+        of_stratum = functools.partial(modelled, jnp.array(present))
+        drawn = _drawn(of_stratum, count, key, lambda done: told(done, with_target + without))
+        strata.append(Stratum(share, *drawn))
     return Calibrated(wald_threshold(strata, probability), "Wald's identity", with_target + without)
 
 
 def _drawn(
-    run: Callable[[PRNGKeyArray], tuple[Array, ...]], count: int, seed: int, told: Callable[[int], None]
+    run: Callable[[PRNGKeyArray], tuple[Array, ...]], count: int, key: PRNGKeyArray, told: Callable[[int], None]
 ) -> tuple[np.ndarray, ...]:
-    """Results of so many runs, drawn in batches."""
-    batched = jax.jit(jax.vmap(run))
+    """Results of so many runs, drawn in batches; `run` takes the keys of a batch."""
     batches = []
     for first in range(0, count, BATCH):
-        keys = jax.vmap(lambda number: jax.random.fold_in(jax.random.key(seed), number))(first + np.arange(BATCH))
+        keys = jax.vmap(functools.partial(jax.random.fold_in, key))(first + np.arange(BATCH))
         used = min(BATCH, count - first)
-        batches.append([np.asarray(values)[:used] for values in batched(keys)])
+        batches.append([np.asarray(values)[:used] for values in run(keys)])
         told(used)
     return tuple(np.concatenate(column) for column in zip(*batches, strict=True))
 
 
 def _modelled(
-    tracker: SingleTargetTracker, plan: Beamformer, array: SensorArray, time: Float[Array, " scan"], present: bool
-) -> Callable[[PRNGKeyArray], tuple[Array, ...]]:
+    tracker: SingleTargetTracker, plan: Beamformer, array: SensorArray, time: Float[Array, " scan"]
+) -> Callable[[Bool[Array, ""], PRNGKeyArray], tuple[Array, ...]]:
     """A run of the tracker's own model, with a target or without: log odds and log ratio after every frame."""
     filter = tracker.filter
 
-    def run(key: PRNGKeyArray) -> tuple[Array, ...]:
+    def run(present: Bool[Array, ""], key: PRNGKeyArray) -> tuple[Array, ...]:
         for_target, for_spectra, for_filter = jax.random.split(key, 3)
         states, there = draw_target(for_target, filter.target, time)
         snr_db = jnp.where(there & present, states.snr_db, -jnp.inf)

@@ -118,7 +118,7 @@ def with_method(scenario: Scenario, method: str | None) -> Scenario:
     try:
         table = TrackerTable(**{**scenario.tracker.model_dump(), "method": method})
     except ValidationError as error:
-        raise InputError(f"method {method}: {problem(error)}") from error
+        raise InputError(problem(error)) from error
     return scenario.model_copy(update={"tracker": table})
 
 

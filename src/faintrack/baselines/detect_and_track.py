@@ -15,13 +15,14 @@ section 6.2). With p_b and p_s the birth and survival probabilities of a scan, P
 
 (:math:`\pi` radians of a line, :math:`2 \pi` of a circle). The existence probability of a track is
 :math:`\operatorname{logit}^{-1} L`; a track is confirmed where it reaches `declare`, and deleted where its score is
-`deletion` below its own highest or another track, better, is within half a lobe. What is reported is the track in hand,
-or the best.
+`deletion` below its own highest, which is predicted as the score is, or another track, better, is within half a lobe.
+What is reported is the track in hand, or the best.
 
 This is what bosser2022 and others compare track-before-detect with. It has the same target and motion as the filters,
 and takes and returns the same as `faintrack.trackers.single.SingleTargetTracker`.
 """
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -46,7 +47,7 @@ class Tracks(eqx.Module):
     bearing, bearing_rate : estimates; radians, rad/s.
     covariance : shape (track, 3); variances and covariance of bearing and rate, in the order bearing, both, rate.
     score : log odds that the track follows a target; -inf where the place is empty.
-    highest : highest score so far.
+    highest : highest score so far, with the chance since then that the target has left.
     excess : mean level at the track less 1.
     label : number of the track, counted from 1.
     """
@@ -66,7 +67,7 @@ class Standing(eqx.Module):
     Attributes
     ----------
     tracks : all of them.
-    started : tracks so far.
+    started : labels given so far; every scan takes as many as tracks may begin in it.
     held : label of the confirmed track that is reported; 0 where there is none.
     reported : confirmed tracks so far.
     time : of the last scan; seconds.
@@ -159,14 +160,7 @@ class DetectAndTrack(eqx.Module):
         motion = self.target.motion
         a, b, c = motion.noise(interval)
         spread = motion.rate_noise**2
-        bearing = tracks.bearing + interval * tracks.bearing_rate
-        rate = tracks.bearing_rate
-        if self.detector.grid.circular:
-            bearing = self._difference(bearing)
-        else:
-            rate = jnp.where((bearing < 0) | (bearing > jnp.pi), -rate, rate)
-            bearing = jnp.abs(bearing)
-            bearing = jnp.where(bearing > jnp.pi, 2 * jnp.pi - bearing, bearing)
+        bearing, rate = motion.within(tracks.bearing + interval * tracks.bearing_rate, tracks.bearing_rate)
         first, both, second = tracks.covariance.T
         covariance = jnp.stack(
             [
@@ -176,13 +170,13 @@ class DetectAndTrack(eqx.Module):
             ],
             axis=1,
         )
-        there = jnp.log(stays) + jax.nn.log_sigmoid(tracks.score)
-        score = there - jnp.log1p(-jnp.exp(there))
-        return Tracks(bearing, rate, covariance, score, tracks.highest, tracks.excess, tracks.label)
+        # The highest score survives no better than the score does; else one miss would end a track that was certain.
+        there = jnp.log(stays) + jax.nn.log_sigmoid(jnp.stack([tracks.score, tracks.highest]))
+        score, highest = there - jnp.log1p(-jnp.exp(there))
+        return Tracks(bearing, rate, covariance, score, highest, tracks.excess, tracks.label)
 
     def _associate(self, tracks: Tracks, detections: Detections, usable: Array) -> tuple[Tracks, Bool[Array, " beam"]]:
-        noise = self._noise(tracks.bearing)
-        variance = tracks.covariance[:, 0] + noise
+        variance = tracks.covariance[:, 0] + self._noise(tracks.bearing)
         off = self._difference(detections.bearing - tracks.bearing[:, None])
         distance = jnp.where(detections.found, jnp.abs(off), jnp.inf)
         within = distance <= self.gate * jnp.sqrt(variance)[:, None]
@@ -198,10 +192,9 @@ class DetectAndTrack(eqx.Module):
         score = tracks.score + jnp.where(usable, change, 0)
         beam = jnp.argmin(jnp.abs(self._difference(self._bearings - tracks.bearing[:, None])), axis=1)
         excess = tracks.excess + (detections.level[beam] - 1 - tracks.excess) / FORGET_SCANS
+        bearing = tracks.bearing + gain * innovation
         updated = Tracks(
-            self._difference(tracks.bearing + gain * innovation)
-            if self.detector.grid.circular
-            else jnp.clip(tracks.bearing + gain * innovation, 0, jnp.pi),
+            self._difference(bearing) if self.detector.grid.circular else jnp.clip(bearing, 0, jnp.pi),
             tracks.bearing_rate + rate_gain * innovation,
             covariance,
             score,
@@ -227,11 +220,9 @@ class DetectAndTrack(eqx.Module):
             jnp.where(detections.found & ~explained, detections.level, -jnp.inf), self.starts
         )
         _, places = jax.lax.top_k(-tracks.score, self.starts)
-        circle = 2 * jnp.pi if self.detector.grid.circular else jnp.pi
-        score = jnp.log(born * self.detection_probability / circle) - jnp.log(self._clutter)
-        fresh = strength > -jnp.inf
+        score = jnp.log(born * self.detection_probability / self._span) - jnp.log(self._clutter)
         # A tentative track may take the place of one that has come to less.
-        fresh = fresh & (tracks.score[places] < score)
+        fresh = (strength > -jnp.inf) & (tracks.score[places] < score)
         bearing = self._difference(detections.bearing[beams])
         rate_variance = (self.target.birth.high.bearing_rate - self.target.birth.low.bearing_rate) ** 2 / 12
         covariance = jnp.stack(
@@ -254,9 +245,14 @@ class DetectAndTrack(eqx.Module):
         return jax.tree.map(put, tracks, new), started + self.starts
 
     @property
+    def _span(self) -> float:
+        """Radians that the beams cover."""
+        return 2 * math.pi if self.detector.grid.circular else math.pi
+
+    @property
     def _clutter(self) -> Array | float:
         """False detections per radian and scan."""
-        return self.false_detections / (2 * jnp.pi if self.detector.grid.circular else jnp.pi)
+        return self.false_detections / self._span
 
     @property
     def _bearings(self) -> Float[Array, " beam"]:

@@ -7,6 +7,13 @@ from typing import Annotated
 import typer
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object for programs.")]
+ArrayFile = Annotated[Path | None, typer.Option(help="TOML or Acoular XML with the channels' positions.")]
+Band = Annotated[tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequencies to use; Hz.")]
+Frame = Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans; 1 s where not given.")]
+ScenarioFile = Annotated[Path | None, typer.Option(help="TOML file with everything else.")]
+Method = Annotated[
+    str | None, typer.Option(help="bernoulli, track before detect; cfar, detect and track; the scenario's else.")
+]
 
 
 def demo(
@@ -65,15 +72,11 @@ def track(
         list[Path],
         typer.Argument(help="WAV, FLAC, HDF5, Zarr, SAC, miniSEED; channels of several files are put side by side."),
     ],
-    array: Annotated[Path | None, typer.Option(help="TOML or Acoular XML with the channels' positions.")] = None,
-    band: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequencies to use; Hz.")
-    ] = None,
-    frame: Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans; 1 s where not given.")] = None,
-    scenario: Annotated[Path | None, typer.Option(help="TOML file with everything else.")] = None,
-    method: Annotated[
-        str | None, typer.Option(help="bernoulli, track before detect; cfar, detect and track; the scenario's else.")
-    ] = None,
+    array: ArrayFile = None,
+    band: Band = None,
+    frame: Frame = None,
+    scenario: ScenarioFile = None,
+    method: Method = None,
     out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -112,13 +115,11 @@ def report(
 
 
 def calibrate(
-    array: Annotated[Path | None, typer.Option(help="TOML or Acoular XML with the channels' positions.")] = None,
-    band: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequencies to use; Hz.")
-    ] = None,
-    frame: Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans; 1 s where not given.")] = None,
-    scenario: Annotated[Path | None, typer.Option(help="TOML file with everything else.")] = None,
-    method: Annotated[str | None, typer.Option(help="bernoulli or cfar; the scenario's where not given.")] = None,
+    array: ArrayFile = None,
+    band: Band = None,
+    frame: Frame = None,
+    scenario: ScenarioFile = None,
+    method: Method = None,
     sample_rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Of the recordings; 2.5 times the band where not given.")
     ] = None,

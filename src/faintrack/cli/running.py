@@ -25,7 +25,7 @@ from faintrack.scenario.simulate import simulated_samples
 from faintrack.sensors.array import SensorArray
 from faintrack.session import collect, track_blocks, with_analysis, with_method
 from faintrack.studies.folder import open_folder
-from faintrack.studies.running import connect, run_missing
+from faintrack.studies.running import cache_folder, connect, run_missing
 from faintrack.studies.study import load
 
 Item = TypeVar("Item")
@@ -165,7 +165,6 @@ def keep_compilations() -> None:
     """Let JAX keep what it compiles between runs, in the user's cache folder unless the user has named another."""
     if "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "faintrack"
-    jax.config.update("jax_compilation_cache_dir", str(cache))
+    jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)

@@ -124,14 +124,18 @@ def run_missing(client: "Client", where: str, folder: Folder) -> Iterator[tuple[
         yield setting, min(setting.batch, folder.plan.runs[setting.name] - first)
 
 
+def cache_folder() -> Path:
+    """Where compilations are kept between runs: the user's cache folder."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "faintrack"
+
+
 def _worker_environment() -> dict[str, str]:
     """One thread a worker, and compilations kept: the second worker finds what the first compiled."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "faintrack"
     flags = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
     return {
         "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} {flags}".strip(),
         "XLA_PYTHON_CLIENT_PREALLOCATE": "false",
-        "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)),
+        "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache_folder())),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1",
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",

@@ -88,14 +88,17 @@ class BearingMotion(eqx.Module):
         snr_db = states.snr_db + self.snr_noise_db * jnp.sqrt(interval) * draws[2]
         snr_db = jnp.where(snr_db < self.snr_low_db, 2 * self.snr_low_db - snr_db, snr_db)
         snr_db = jnp.where(snr_db > self.snr_high_db, 2 * self.snr_high_db - snr_db, snr_db)
+        return BearingState(*self.within(bearing, rate), snr_db)
+
+    def within(
+        self, bearing: Float[Array, "*points"], rate: Float[Array, "*points"]
+    ) -> tuple[Float[Array, "*points"], Float[Array, "*points"]]:
+        """Bearing and rate after a move, wrapped into the circle or reflected at the ends of a line."""
         if self.circular:
-            bearing = _turn(bearing + jnp.pi) - jnp.pi
-        else:
-            turn = _turn(bearing)
-            mirrored = turn > jnp.pi
-            bearing = jnp.where(mirrored, 2 * jnp.pi - turn, turn)
-            rate = jnp.where(mirrored, -rate, rate)
-        return BearingState(bearing, rate, snr_db)
+            return _turn(bearing + jnp.pi) - jnp.pi, rate
+        turn = _turn(bearing)
+        mirrored = turn > jnp.pi
+        return jnp.where(mirrored, 2 * jnp.pi - turn, turn), jnp.where(mirrored, -rate, rate)
 
 
 def _turn(angle: Float[Array, "*points"]) -> Float[Array, "*points"]:

@@ -75,10 +75,15 @@ def rows(results: Results) -> list[Row]:
         )
     levels = {method: float(logit(threshold.value)) for method, threshold in thresholds.items()}
     best = {snr_db: data for snr_db in SNR_DB if (data := _best_odds(results, snr_db)) is not None}
-    for method in METHODS:
-        values = _snr50(results, best, METHODS.index(method))
-        found.append(_row("snr50", method, "SNR at which half of the runs are detected", "dB", values))
-    found.append(_cost_of_not_knowing(results, best))
+    drawn = _drawn_snr50(results, best)
+    for column, method in enumerate(METHODS):
+        found.append(
+            _row("snr50", method, "SNR at which half of the runs are detected", "dB", _of_draws(drawn[:, column]))
+        )
+    cost, low, high = _of_draws(drawn[:, METHODS.index("integrated")] - drawn[:, METHODS.index("wgsml")])
+    found.append(
+        Row("unknown_noise_cost_db", "what not knowing the noise costs in detection", "dB", None, cost, (low, high))
+    )
     loud = _load(results, scenario_name(-27))
     if loud is not None:
         found.append(_lag(loud, levels))
@@ -127,31 +132,32 @@ def figures(results: Results, folder: Path) -> list[Path]:
         plt.close(figure)
         drawn.append(path)
 
+    best = {snr_db: odds for snr_db in SNR_DB if (odds := _best_odds(results, snr_db)) is not None}
+    at_detection = {
+        snr_db: {method: _at_detection(data, method, levels[method]) for method in METHODS}
+        for snr_db in SNR_DB
+        if (data := _load(results, scenario_name(snr_db))) is not None
+    }
+
     def detection(axis: Any) -> None:
-        for method in METHODS:
-            points = []
-            for snr_db in SNR_DB:
-                odds = _best_odds(results, snr_db)
-                if odds is not None:
-                    hits = int((odds[:, METHODS.index(method)] > levels[method]).sum())
-                    points.append((snr_db, hits / len(odds), *binomial_interval(hits, len(odds))))
-            snr, share, low, high = np.array(points, float).T
-            axis.plot(snr, share, color=COLOURS[method], marker=MARKERS[method], ms=4, label=LABELS[method])
-            axis.fill_between(snr, low, high, color=COLOURS[method], alpha=0.2, lw=0)
+        for column, method in enumerate(METHODS):
+            hits = np.array([np.sum(odds[:, column] > levels[method]) for odds in best.values()])
+            runs = np.array([len(odds) for odds in best.values()])
+            axis.plot(
+                list(best), hits / runs, color=COLOURS[method], marker=MARKERS[method], ms=4, label=LABELS[method]
+            )
+            axis.fill_between(list(best), *binomial_interval(hits, runs), color=COLOURS[method], alpha=0.2, lw=0)
         axis.axhline(0.5, color="0.7", lw=0.8)
         axis.set(xlabel="SNR (dB)", ylabel="probability of detection", ylim=(0, 1.02))
         axis.legend()
 
     def bearing(axis: Any) -> None:
         for method in METHODS:
-            points = []
-            for snr_db in SNR_DB:
-                data = _load(results, scenario_name(snr_db))
-                if data is None:
-                    continue
-                error, std = _at_detection(data, method, levels[method])
-                if len(error) >= 10:
-                    points.append((snr_db, np.degrees(rmse(error)), np.degrees(rmse(std))))
+            points = [
+                (snr_db, np.degrees(rmse(error)), np.degrees(rmse(std)))
+                for snr_db, (error, std) in ((snr_db, found[method]) for snr_db, found in at_detection.items())
+                if len(error) >= 10
+            ]
             if points:
                 snr, found, told = np.array(points).T
                 axis.plot(snr, found, color=COLOURS[method], marker=MARKERS[method], ms=4, label=LABELS[method])
@@ -285,39 +291,30 @@ def _crossing(snr_db: np.ndarray, share: np.ndarray) -> float:
     return float(snr_db[at - 1] + (snr_db[at] - snr_db[at - 1]) * (0.5 - low) / (high - low))
 
 
-def _drawn_snr50(results: Results, best: dict[int, np.ndarray], columns: list[int]) -> np.ndarray:
-    """SNR of half detection for bootstrapped runs of noise and target, the first row those as they are; (draw, column).
+def _drawn_snr50(results: Results, best: dict[int, np.ndarray]) -> Float[np.ndarray, "draw method"]:
+    """SNR of half detection for bootstrapped runs of noise and target; the first row is of those as they are.
 
     Runs are drawn anew together for all methods, which heard the same spectra.
     """
     rng = np.random.default_rng(0)
     highest = results("noise").highest.values
     snr_db = np.array(sorted(best), float)
-    found = np.empty((BOOTSTRAPS + 1, len(columns)))
+    found = np.empty((BOOTSTRAPS + 1, len(METHODS)))
     for draw in range(BOOTSTRAPS + 1):
-        picked = highest if draw == 0 else highest[rng.integers(len(highest), size=len(highest))]
-        level = np.quantile(picked, 1 - FALSE_TRACK_PROBABILITY, axis=0, method="higher")
-        shares = []
-        for value in sorted(best):
-            odds = best[value] if draw == 0 else best[value][rng.integers(len(best[value]), size=len(best[value]))]
-            shares.append((odds > level).mean(axis=0))
-        curve = np.array(shares)
-        found[draw] = [_crossing(snr_db, curve[:, column]) for column in columns]
+
+        def picked(runs: np.ndarray, as_they_are: bool = draw == 0) -> np.ndarray:
+            return runs if as_they_are else runs[rng.integers(len(runs), size=len(runs))]
+
+        level = np.quantile(picked(highest), 1 - FALSE_TRACK_PROBABILITY, axis=0, method="higher")
+        curve = np.array([(picked(best[value]) > level).mean(axis=0) for value in sorted(best)])
+        found[draw] = [_crossing(snr_db, share) for share in curve.T]
     return found
 
 
-def _snr50(results: Results, best: dict[int, np.ndarray], column: int) -> tuple[Any, Any, Any]:
-    drawn = _drawn_snr50(results, best, [column])[:, 0]
-    return drawn[0], *np.nanpercentile(drawn[1:], [2.5, 97.5])
-
-
-def _cost_of_not_knowing(results: Results, best: dict[int, np.ndarray]) -> Row:
-    drawn = _drawn_snr50(results, best, [METHODS.index("integrated"), METHODS.index("wgsml")])
-    cost = drawn[:, 0] - drawn[:, 1]
-    low, high = np.nanpercentile(cost[1:], [2.5, 97.5])
-    return Row(
-        "unknown_noise_cost_db", "what not knowing the noise costs in detection", "dB", None, cost[0], (low, high)
-    )
+def _of_draws(values: Float[np.ndarray, " draw"]) -> tuple[float, float, float]:
+    """The first, and the interval of the others."""
+    low, high = np.nanpercentile(values[1:], [2.5, 97.5])
+    return float(values[0]), float(low), float(high)
 
 
 def _lag(data: xr.Dataset, levels: dict[str, float]) -> Row:
