@@ -1,7 +1,8 @@
 """Target states: named components that broadcast against each other.
 
 For particles every component has the shape (n,). On a grid they are open meshes, (nx, 1), (1, ny), ...: what reads only
-`x` then costs nx evaluations. Nothing in the package relies on the order of components.
+`x` then costs nx evaluations. Nothing in the package relies on the order of components. `angles` names those that are
+averaged as directions, `rates` tells the rate of each component that has one.
 """
 
 from typing import ClassVar
@@ -24,6 +25,22 @@ class BearingState(eqx.Module):
     bearing_rate: Float[Array, "..."]
     snr_db: Float[Array, "..."]
     angles: ClassVar[tuple[str, ...]] = ("bearing",)
+    rates: ClassVar[dict[str, str]] = {"bearing": "bearing_rate"}
+
+
+class RangeState(eqx.Module):
+    """Distance from a sensor and its rate.
+
+    Attributes
+    ----------
+    range : metres, or cells of a profile.
+    range_rate : its rate, positive when the distance grows; m/s, or cells a second.
+    """
+
+    range: Float[Array, "..."]
+    range_rate: Float[Array, "..."]
+    angles: ClassVar[tuple[str, ...]] = ()
+    rates: ClassVar[dict[str, str]] = {"range": "range_rate"}
 
 
 class PlanarState(eqx.Module):
@@ -31,8 +48,8 @@ class PlanarState(eqx.Module):
 
     Attributes
     ----------
-    x, y : east and north; metres.
-    vx, vy : their rates; m/s.
+    x, y : east and north; metres. In an image column and row; pixels.
+    vx, vy : their rates; m/s. In an image pixels a second.
     """
 
     x: Float[Array, "..."]
@@ -40,3 +57,4 @@ class PlanarState(eqx.Module):
     vx: Float[Array, "..."]
     vy: Float[Array, "..."]
     angles: ClassVar[tuple[str, ...]] = ()
+    rates: ClassVar[dict[str, str]] = {"x": "vx", "y": "vy"}
