@@ -1,13 +1,14 @@
 """Reading and writing, the edge where files become values.
 
-`read` opens recordings of every known format, `read_array` a description of an array, `write_recording` stores
-samples as they
-arrive, and `faintrack.io.results` keeps what came out. The libraries behind the formats are imported when a file
-needs them, so that importing this package stays cheap and a missing library matters only to those who use its format.
+`read` opens recordings of every known format, `read_sequence` images and other frames, `read_array` a description of
+an array, `write_recording` stores samples as they arrive, and `faintrack.io.results` keeps what came out. The libraries
+behind the formats are imported when a file needs them, so that importing this package stays cheap and a missing library
+matters only to those who use its format.
 """
 
 from faintrack.io.arrays import match_channels, read_array
 from faintrack.io.recordings import read
+from faintrack.io.sequences import read_sequence
 from faintrack.io.write_recordings import write_recording
 
-__all__ = ["match_channels", "read", "read_array", "write_recording"]
+__all__ = ["match_channels", "read", "read_array", "read_sequence", "write_recording"]
