@@ -248,7 +248,7 @@ class TestOnlyTheStretchIsRead:
         with tifffile.TiffFile(path) as file:
             places = [page.dataoffsets[0] for page in file.pages]
         with path.open("r+b") as stream:
-            for number in set(range(12)) - {4, 5}:
+            for number in set(range(1, 12)) - {4, 5}:
                 stream.seek(places[number])
                 stream.write(b"gone")
         sequence = read_sequence(path)
@@ -275,8 +275,7 @@ class TestOnlyTheStretchIsRead:
 class TestEveryFormat:
     def test_missing_or_empty(self, tmp_path, name, write):
         path = tmp_path / name
-        missing = sentence_about(path, lambda: read_sequence(path))
-        assert missing.endswith("does not exist." if path.suffix else "or a folder of PNG files.")
+        assert sentence_about(path, lambda: read_sequence(path)).endswith("does not exist.")
         path.mkdir() if path.suffix in ("", ".zarr") else path.touch()
         empty = sentence_about(path, lambda: read_sequence(path))
         assert any(expected in empty for expected in (" is empty.", "holds no PNG file", "cannot be read as a Zarr"))
@@ -411,7 +410,19 @@ def test_tiff_in_colour(tmp_path, photometric):
     assert sentence.endswith(f"holds {photometric.upper()} pages; expected grey images in which black is 0.")
 
 
+def test_tiff_whose_compression_is_unknown(tmp_path):
+    write_tiff(tmp_path / "a.tif", FRAMES, compression="zlib")
+    content = bytearray((tmp_path / "a.tif").read_bytes())
+    entry = np.array([259, 3, 1, 0, 8, 0], "<u2").tobytes()
+    for place in [place for place in range(len(content)) if content[place : place + 12] == entry]:
+        content[place + 8] = 9
+    (tmp_path / "a.tif").write_bytes(content)
+    sentence = sentence_about(tmp_path / "a.tif", lambda: read_sequence(tmp_path / "a.tif"))
+    assert "a.tif cannot be read as TIFF (" in sentence
+
+
 def test_unknown_suffix(tmp_path):
+    (tmp_path / "a.avi").touch()
     sentence = sentence_about(tmp_path / "a.avi", lambda: read_sequence(tmp_path / "a.avi"))
     assert "expected .npz, .mat, .zarr, .tif or .tiff, or a folder of PNG files." in sentence
 

@@ -1,6 +1,6 @@
 """Grey images as frames: the pages of a TIFF file, the PNG files of a folder.
 
-Pages and files are read when their frames are asked for; opening reads headers only.
+Pages and files are read when their frames are asked for; opening reads headers, and one page where they are compressed.
 """
 
 import logging
@@ -24,7 +24,8 @@ def open_tiff(path: Path) -> dict[str, Variable]:
 
     Raises
     ------
-    InputError : no such file, damaged, pages in colour or of several sizes or types.
+    InputError : no such file, damaged, pages in colour, of several sizes or types, or compressed in a way that
+        needs the package imagecodecs.
     """
     import tifffile
 
@@ -54,6 +55,8 @@ def open_tiff(path: Path) -> dict[str, Variable]:
         with explained(complaint), _damage_raised(path), tifffile.TiffFile(path) as file:
             return file.asarray(key=range(start, stop)).reshape(-1, *shape[1:])[:, *part[1:]]
 
+    # A compression that cannot be undone here is refused now, not in the middle of a run.
+    read((slice(1), slice(None), slice(None)))
     return {"frames": Variable(shape, dtype, read, _DIMS)}
 
 

@@ -97,6 +97,8 @@ def read_sequence(
 
 def _reader(path: Path) -> Callable[[Path], dict[str, Variable]]:
     reader = READERS.get(path.suffix.lower(), open_folder if path.is_dir() else None)
+    if not path.exists():
+        raise InputError(f"{path} does not exist.")
     if reader is None:
         *others, last = READERS
         raise InputError(
