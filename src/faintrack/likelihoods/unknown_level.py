@@ -1,0 +1,61 @@
+r"""A target whose level is one of several, nobody knows which: the mean of their ratios.
+
+.. math:: \ell(z | x) = \frac{1}{K} \sum_{k=1}^K \ell(z | x, u_k)
+
+A mean of likelihood ratios is a likelihood ratio, that of a target whose level is drawn anew in every scan. It keeps
+the level out of the state, which saves a dimension; the price is what a level that lasts would have told, at most
+log K a scan. Where the level changes slowly and frames are many, make it a component of the state instead.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from faintrack.errors import InputError
+from faintrack.likelihoods.cells import CellLikelihood
+from faintrack.sensors.cells import CellScan
+
+
+class UnknownLevel(eqx.Module):
+    """Mean over likelihoods that differ in the target's level.
+
+    Attributes
+    ----------
+    parts : likelihoods of the same cells, with the same spread and reach; equally probable.
+
+    Raises
+    ------
+    InputError : no likelihood, or likelihoods of different cells.
+
+    Examples
+    --------
+    >>> from faintrack.axis import Axis
+    >>> from faintrack.likelihoods.cells import gaussian
+    >>> from faintrack.sensors.cells import Cells
+    >>> from faintrack.targets.states import RangeState
+    >>> cells = Cells((("range", Axis(0.0, 1.0, 3)),))
+    >>> likelihood = UnknownLevel(tuple(CellLikelihood(cells, gaussian, level) for level in (1.0, 3.0)))
+    >>> scan = CellScan(jnp.array(0.0), jnp.array([0.0, 3.0, 0.0]))
+    >>> round(float(likelihood.log_ratio(scan, RangeState(jnp.array(1.0), jnp.array(0.0)))), 4)
+    3.9338
+    """
+
+    parts: tuple[CellLikelihood, ...]
+
+    def __check_init__(self) -> None:
+        if not self.parts:
+            raise InputError("unknown level: there is no likelihood; expected one for every level.")
+        if len({part.places for part in self.parts}) > 1:
+            raise InputError("unknown level: the likelihoods have different places; expected the same cells and reach.")
+
+    def table(self, scan: CellScan) -> Float[Array, "..."]:
+        """Log ratio at every one of the places of the parts: the module's equation."""
+        return jax.nn.logsumexp(jnp.stack([part.table(scan) for part in self.parts]), axis=0) - jnp.log(len(self.parts))
+
+    def log_ratio(self, scan: CellScan, states: Any) -> Float[Array, "*points"]:
+        """Natural log of p(scan | target at state) / p(scan | no target); 0 for a state that reaches no cell."""
+        place, inside = self.parts[0].places.nearest(states)
+        return jnp.where(inside, jax.lax.optimization_barrier(self.table(scan))[place], 0)
