@@ -52,11 +52,11 @@ class Axis:
         """Ends of the cells, one more than there are cells."""
         return self.first + self.step * (np.arange(self.count + 1) - 0.5)
 
-    def place(self, value: Float[Array, "..."]) -> Float[Array, "..."]:
+    def place(self, value: Float[Array, "..."] | float) -> Float[Array, "..."] | float:
         """Index of a value, with its fraction; 0 at the first cell."""
         return (value - self.first) / self.step
 
-    def nearest(self, value: Float[Array, "..."]) -> Int[Array, "..."]:
+    def nearest(self, value: Float[Array, "..."] | float) -> Int[Array, "..."]:
         """Index of the cell that a value lies in; below 0 or from `count` on where it lies in none."""
         return jnp.floor(self.place(value) + 0.5).astype(jnp.int32)
 

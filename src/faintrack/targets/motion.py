@@ -1,8 +1,8 @@
 r"""How targets move between scans.
 
-A motion model is a module with one verb, `move(states, interval, key)`: it draws the states after an interval. Both
-models here are nearly constant velocity: position and rate driven by a white acceleration. Integrated exactly over an
-interval :math:`T`, an acceleration of spectral density :math:`\sigma^2` has the covariance
+A motion model is a module with one verb, `move(states, interval, key)`: it draws the states after an interval. The
+first two here are nearly constant velocity: position and rate driven by a white acceleration. Integrated exactly over
+an interval :math:`T`, an acceleration of spectral density :math:`\sigma^2` has the covariance
 
 .. math:: \sigma^2 \begin{bmatrix} T^3/3 & T^2/2 \\ T^2/2 & T \end{bmatrix}
 
@@ -11,15 +11,17 @@ acceleration constant within a scan of fixed length instead (`piecewise_accelera
 :math:`T = 1` s the two differ in the position variance alone, 1/3 against 1/4.
 """
 
+import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.targets.states import BearingState, PlanarState
+from faintrack.targets.states import BearingState
 
 Scalar = Float[Array, ""] | float
 Noise = Callable[[Scalar], tuple[Scalar, Scalar, Scalar]]
@@ -57,6 +59,19 @@ def piecewise_acceleration(interval: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     (2.0, 0.0, 2.0)
     """
     return interval * interval / 2, 0.0 * interval, interval
+
+
+class Step(NamedTuple):
+    r"""What an interval does to a component x and its rate v, u and w unit normal.
+
+    .. math:: x' = x + \text{gain}\, v + a u + b w, \qquad v' = \text{decay}\, v + c u
+    """
+
+    gain: Scalar
+    decay: Scalar
+    a: Scalar
+    b: Scalar
+    c: Scalar
 
 
 class BearingMotion(eqx.Module):
@@ -107,7 +122,7 @@ def _turn(angle: Float[Array, "*points"]) -> Float[Array, "*points"]:
 
 
 class PlanarMotion(eqx.Module):
-    """Nearly constant velocity in the plane.
+    """Nearly constant rate of every component that has one: velocity in the plane, range rate.
 
     Attributes
     ----------
@@ -118,15 +133,68 @@ class PlanarMotion(eqx.Module):
     velocity_noise: Scalar
     noise: Noise = eqx.field(static=True, default=white_acceleration)
 
-    def move(self, states: PlanarState, interval: Scalar, key: PRNGKeyArray) -> PlanarState:
+    def step(self, interval: Scalar) -> Step:
+        """What `interval` seconds do to a component and its rate."""
+        a, b, c = (self.velocity_noise * factor for factor in self.noise(interval))
+        return Step(interval, 1.0, a, b, c)
+
+    def move(self, states: Any, interval: Scalar, key: PRNGKeyArray) -> Any:
         """Draw the states after `interval` seconds."""
-        draws = jax.random.normal(key, (4, *states.x.shape), states.x.dtype)
-        a, b, c = self.noise(interval)
+        return _drawn(states, self.step(interval), key)
 
-        def along(position: Array, velocity: Array, u: Array, w: Array) -> tuple[Array, Array]:
-            moved = position + interval * velocity + self.velocity_noise * (a * u + b * w)
-            return moved, velocity + self.velocity_noise * c * u
 
-        x, vx = along(states.x, states.vx, draws[0], draws[1])
-        y, vy = along(states.y, states.vy, draws[2], draws[3])
-        return PlanarState(x, y, vx, vy)
+class OrnsteinUhlenbeck(eqx.Module):
+    r"""Integrated Ornstein-Uhlenbeck motion: the velocity decays and is driven, so that it stays bounded.
+
+    Attributes
+    ----------
+    velocity_noise : density of the acceleration along each axis; m/s per root second.
+    relaxation : time in which a velocity decays to 1/e; seconds.
+
+    Notes
+    -----
+    With :math:`\gamma` one over the relaxation and :math:`e = \exp(-\gamma T)`,
+
+    .. math::
+        v' = e v, \quad x' = x + \frac{1 - e}{\gamma} v, \qquad
+        Q_{vv} = \frac{\sigma^2 (1 - e^2)}{2 \gamma}, \quad Q_{xv} = \frac{\sigma^2 (1 - e)^2}{2 \gamma^2}, \quad
+        Q_{xx} = \frac{\sigma^2}{\gamma^2} \left[T - \frac{2 (1 - e)}{\gamma} + \frac{1 - e^2}{2 \gamma}\right]
+
+    (stone2002 and aughenbaugh2010 use it for ships). In the long run the velocity has the standard deviation
+    :math:`\sigma \sqrt{\tau / 2}`, tau the relaxation.
+    """
+
+    velocity_noise: Scalar
+    relaxation: Scalar
+
+    def step(self, interval: Scalar) -> Step:
+        """What `interval` seconds do to a component and its rate."""
+        rate = 1 / self.relaxation
+        turned = rate * interval
+        lost, lost_twice = -jnp.expm1(-turned), -jnp.expm1(-2 * turned)
+        c = jnp.sqrt(lost_twice / (2 * rate))
+        a = jnp.where(c > 0, lost**2 / (2 * rate**2) / jnp.where(c > 0, c, 1), 0)
+        # The bracket cancels to its third order where the interval is short beside the relaxation.
+        series = turned**3 * (1 / 3 - turned / 4 + 7 * turned**2 / 60 - turned**3 / 24)
+        bracket = jnp.where(turned < 0.1, series, turned - 2 * lost + lost_twice / 2)
+        b = jnp.sqrt(jnp.maximum(bracket / rate**3 - a**2, 0))
+        a, b, c = (self.velocity_noise * factor for factor in (a, b, c))
+        return Step(lost / rate, 1 - lost, a, b, c)
+
+    def move(self, states: Any, interval: Scalar, key: PRNGKeyArray) -> Any:
+        """Draw the states after `interval` seconds."""
+        return _drawn(states, self.step(interval), key)
+
+
+def _drawn(states: Any, step: Step, key: PRNGKeyArray) -> Any:
+    """States after a step: every component that has a rate, and the rate."""
+    first = getattr(states, next(iter(states.rates)))
+    # Drawn flat: XLA compiles the counters of a draw with five axes for ten seconds.
+    flat = jax.random.normal(key, (2 * len(states.rates) * first.size,), first.dtype)
+    draws = flat.reshape(2, len(states.rates), *first.shape)
+    moved = {}
+    for (name, rate), u, w in zip(states.rates.items(), draws[0], draws[1], strict=True):
+        place, speed = getattr(states, name), getattr(states, rate)
+        moved[name] = place + step.gain * speed + step.a * u + step.b * w
+        moved[rate] = step.decay * speed + step.c * u
+    return dataclasses.replace(states, **moved)

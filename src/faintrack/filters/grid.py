@@ -1,0 +1,150 @@
+r"""The Bernoulli filter on a grid: at most one target, a weight for every cell, log odds for whether.
+
+Prediction is that of `faintrack.filters.bernoulli_particle` with sums in place of draws. A transport carries the
+weights of one target over an interval; what it carries off the grid, a share :math:`\epsilon`, has left:
+
+.. math::
+    q' w'(s) = p_b (1 - q) b(s) + p_s q \sum_{s'} T(s|s') w(s'), \qquad \epsilon = 1 - \sum_{s, s'} T(s|s') w(s')
+
+(stone2002, eq. 16; aughenbaugh2010, eq. 3-4). A target that is off the grid counts as absent, or, with `returns`, comes
+back by the birth density at once, as aughenbaugh2010 has it.
+
+Where the flow to absence balances the flow from it, absence is as likely after prediction as before, and the likelihood
+ratio obeys the simplified recursion (stone2002, eq. 20-25)
+
+.. math:: \Lambda^-(s) = q(s|\phi) + \sum_{s'} q(s|s') \Lambda(s')
+
+which `simplified` takes, balanced or not. The error is that of taking :math:`p^-(\phi) = p(\phi)`: the odds are wrong
+by the factor of the two.
+
+Transports: `faintrack.filters.shifts`, exact where velocities are discrete; `faintrack.filters.separable`, nearly
+constant velocity and Ornstein-Uhlenbeck; `faintrack.filters.adi`, the Fokker-Planck equation;
+`faintrack.filters.cell_particles`, draws in every cell.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from faintrack.belief import Belief
+from faintrack.grids import Grid
+from faintrack.targets.target import Target
+
+Advance = Callable[[Array, Array], tuple[Array, Array]]
+
+
+@runtime_checkable
+class Transport(Protocol):
+    """Carries the weights of a target that stays from one time to another."""
+
+    def carry(
+        self, log_weights: Float[Array, "*cells"], start: Any, end: Any, key: PRNGKeyArray
+    ) -> tuple[Float[Array, "*cells"], Float[Array, ""]]:
+        """Log weights that are still on the grid, not normalised, and the log of the weight that has left it."""
+
+
+class GridFilter(eqx.Module):
+    """Carries a belief on a grid forward in time.
+
+    Attributes
+    ----------
+    grid : cells.
+    target : arrival and departure; its motion is the transport's.
+    transport : carries weights over an interval.
+    log_birth : natural log of each cell's probability for a new target, broadcasts to the cells; the same for all cells
+        where not given.
+    returns : a target that leaves the grid comes back by the birth density; otherwise it has left.
+    simplified : takes the simplified recursion (the module's last equation).
+    """
+
+    grid: Grid = eqx.field(static=True)
+    target: Target
+    transport: Transport
+    log_birth: Float[Array, "..."] | None = None
+    returns: bool = eqx.field(static=True, default=False)
+    simplified: bool = eqx.field(static=True, default=False)
+
+    def init(self, key: PRNGKeyArray, time: float = 0.0, existence: float = 0.0) -> Belief:
+        """Belief before any scan: the birth density, and a probability of existence. Nothing is drawn."""
+        birth = self._birth
+        odds = jnp.asarray(existence, birth.dtype)
+        log_odds = jnp.log(odds) - jnp.log1p(-odds)
+        return Belief(self.grid.states(birth.dtype), birth, log_odds, jnp.asarray(time, birth.dtype))
+
+    def predict(self, belief: Belief, time: Float[Array, ""] | float, key: PRNGKeyArray) -> Belief:
+        """Belief carried forward to `time` (the module's equations).
+
+        Parameters
+        ----------
+        belief, time : what to carry forward, and to when; seconds.
+        key : random key; most transports draw nothing.
+        """
+        dtype = belief.log_weights.dtype
+        time = jnp.asarray(time, dtype)
+        interval = time - belief.time
+        moved, log_lost = self.transport.carry(belief.log_weights, belief.time, time, key)
+        total = jax.nn.logsumexp(moved)
+        moved = jnp.where(total > -jnp.inf, moved - total, -jnp.inf)
+        log_kept = jnp.log1p(-jnp.minimum(jnp.exp(log_lost), 1))
+
+        appears, stays = self.target.transition(interval)
+        replaced = self.target.replacement(interval)
+        there, absent = jax.nn.log_sigmoid(belief.log_odds), jax.nn.log_sigmoid(-belief.log_odds)
+        same = jnp.log(stays - replaced) + there
+        survived = same + log_kept
+        off = same + log_lost
+        arrived = jnp.logaddexp(jnp.log(appears) + absent, jnp.log(replaced) + there)
+        log_absence = jnp.logaddexp(jnp.log1p(-stays) + there, jnp.log1p(-appears) + absent)
+        if self.returns:
+            arrived = jnp.logaddexp(arrived, off)
+        else:
+            log_absence = jnp.logaddexp(log_absence, off)
+        log_existence = jnp.logaddexp(survived, arrived)
+        # Where no target can exist yet, as in a scan at the time of the start, the newborn are what is believed.
+        possible = log_existence > -jnp.inf
+        share_survived = jnp.where(possible, survived - log_existence, -jnp.inf)
+        share_arrived = jnp.where(possible, arrived - log_existence, 0)
+        log_weights = jnp.logaddexp(share_survived + moved, share_arrived + self._birth.astype(dtype))
+        log_odds = log_existence - (absent if self.simplified else log_absence)
+        return Belief(belief.states, log_weights, log_odds, time)
+
+    @property
+    def _birth(self) -> Float[Array, "*cells"]:
+        if self.log_birth is None:
+            return jnp.full(self.grid.shape, -jnp.log(self.grid.size))
+        return jnp.broadcast_to(self.log_birth, self.grid.shape)
+
+
+def in_steps(
+    advances: Sequence[Advance], log_weights: Float[Array, "*cells"], start: Any, end: Any, interval: float
+) -> tuple[Float[Array, "*cells"], Float[Array, ""]]:
+    """Repeat steps of fixed length as often as they fit between two times, to the nearest whole number.
+
+    Parameters
+    ----------
+    advances : functions of (weights, number of the step) to weights that are still on the grid and the weight that is
+        not; linear, so that weights may have any scale. They commute: each is repeated before the next begins.
+    log_weights : natural logs.
+    start, end : seconds.
+    interval : of one step; seconds.
+
+    Returns
+    -------
+    Log weights, and the log of the weight that has left. What is less than the type's smallest number times the
+    largest weight, e^-87 in float32, becomes zero.
+    """
+    count = jnp.round((end - start) / interval).astype(jnp.int32)
+    peak = jnp.max(log_weights)
+    weights, lost = jnp.exp(log_weights - peak), jnp.zeros((), log_weights.dtype)
+    for advance in advances:
+
+        def again(number: Array, carried: tuple[Array, Array], advance: Advance = advance) -> tuple[Array, Array]:
+            weights, more = advance(carried[0], number)
+            return weights, carried[1] + more
+
+        weights, lost = jax.lax.fori_loop(0, count, again, (weights, lost))
+    return jnp.log(weights) + peak, jnp.log(lost) + peak
