@@ -4,6 +4,9 @@ BIN := .venv/bin
 MADE := .venv/.made
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --quiet --only-binary :all: -c constraints.txt
 
+# A file's tests stay in one process, where they share what is compiled.
+PYTEST := $(BIN)/python -m pytest -q -n auto --maxprocesses 4 --dist loadfile
+
 .DEFAULT_GOAL := help
 .PHONY: help demo test check test-all bench docs clean
 
@@ -20,17 +23,17 @@ demo: $(MADE)/run
 	$(BIN)/faintrack demo --out demo
 
 test: $(MADE)/test
-	$(BIN)/python -m pytest -q
+	$(PYTEST)
 
 check: $(MADE)/dev
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -q
+	$(PYTEST)
 
 test-all: $(MADE)/dev
-	$(BIN)/python -m pytest -q -m ""
+	$(PYTEST) -m ""
 
 bench: $(MADE)/dev
 	$(BIN)/faintrack bench

@@ -28,6 +28,15 @@ TINY = Sizes(
     bearing_births=10,
     batch=2,
     steps=3,
+    detectors=1,
+    places=5,
+    rates=3,
+    base=(5, 3),
+    fine=(6, 3),
+    peer_cells=5,
+    pixels=8,
+    pixel_particles=30,
+    pixel_births=10,
     repeat_seconds=0.0,
 )
 

@@ -8,8 +8,10 @@ from collections.abc import Callable, Iterable
 
 from faintrack.bench.beams import beam_power_acoular, beam_power_numpy
 from faintrack.bench.bernoulli import bernoulli_step_batch, bernoulli_step_single
+from faintrack.bench.grids import implicit_step_4d, separable_step_base, separable_step_fine
 from faintrack.bench.machine import Machine, measure
 from faintrack.bench.monte_carlo import scenario1_run_step
+from faintrack.bench.pixels import pixel_frame
 from faintrack.bench.recording import track_55ch_realtime
 from faintrack.bench.rows import Row
 from faintrack.bench.sizes import Sizes
@@ -27,6 +29,10 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
         beam_power_acoular,
         beam_power_numpy,
         scenario1_run_step,
+        implicit_step_4d,
+        separable_step_base,
+        separable_step_fine,
+        pixel_frame,
         import_seconds,
         help_seconds,
     )

@@ -15,6 +15,12 @@ class Sizes:
     bearing_particles, bearing_births : of the tracker on bearings in clutter.
     batch : runs side by side.
     steps : scans of a simulated run.
+    detectors : grids of four dimensions side by side.
+    places, rates : cells of such a grid along each component and along its rate.
+    base, fine : cells along a component and along its rate, of grids with kernels (aughenbaugh2010).
+    peer_cells : along every axis of the peer's grid of four dimensions.
+    pixels : of an image, along each side.
+    pixel_particles, pixel_births : of the tracker on images.
     repeat_seconds : that every call is repeated.
     """
 
@@ -27,4 +33,13 @@ class Sizes:
     bearing_births: int = 750
     batch: int = 64
     steps: int = 60
+    detectors: int = 4
+    places: int = 51
+    rates: int = 13
+    base: tuple[int, int] = (51, 7)
+    fine: tuple[int, int] = (73, 11)
+    peer_cells: int = 21
+    pixels: int = 256
+    pixel_particles: int = 80_000
+    pixel_births: int = 20_000
     repeat_seconds: float = 2.0
