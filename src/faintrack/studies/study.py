@@ -23,7 +23,10 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from faintrack.errors import InputError
 
-STUDIES = {"bosser2022": "faintrack.studies.bosser2022:study"}
+STUDIES = {
+    "bosser2022": "faintrack.studies.bosser2022:study",
+    "stone2002": "faintrack.studies.stone2002:study",
+}
 """Studies that come with the package: name, and where it is."""
 
 Results = Callable[[str], xr.Dataset]
@@ -129,7 +132,7 @@ def load(where: str) -> Study:
     --------
     >>> load("nothing")
     Traceback (most recent call last):
-    faintrack.errors.InputError: no study is called nothing; expected one of bosser2022, or module:attribute.
+    faintrack.errors.InputError: no study is called nothing; expected one of bosser2022, stone2002, or module:attribute.
     """
     place = STUDIES.get(where, where)
     module, _, attribute = place.partition(":")
