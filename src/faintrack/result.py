@@ -1,37 +1,43 @@
-"""What came out of a recording: frames as named variables with units, and the tracks in them."""
+"""What came out of a recording or a sequence: frames as named variables with units, and the tracks in them."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from faintrack.recording import Recording
+from faintrack.scenario.build_frames import frame_interval, units_of
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import bearings
+from faintrack.sequence import Sequence
 from faintrack.signal.frames import FrameBlock
 from faintrack.trackers.single import Estimate
-from faintrack.tracks import BearingTrack, bearing_tracks
+from faintrack.tracks import BearingTrack, PositionTrack, bearing_tracks, position_tracks
+
+HALF = float(np.finfo(np.float16).max)
+"""Largest number in the half precision of pictures."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """What came out of a recording.
+    """What came out of a recording or a sequence of frames.
 
     Attributes
     ----------
-    data : one entry a frame; existence, bearing, record and the rest, with units in their attributes.
+    data : one entry a frame; existence, bearing or position, record and the rest, with units in their attributes.
     tracks : what was declared.
     scenario : what was run.
-    array : whose recording it was.
+    array : whose recording it was; None for a sequence of frames.
     seconds : that the run took.
     """
 
     data: xr.Dataset
-    tracks: list[BearingTrack]
+    tracks: list[BearingTrack] | list[PositionTrack]
     scenario: Scenario
-    array: SensorArray
+    array: SensorArray | None
     seconds: float
 
     @property
@@ -56,20 +62,38 @@ class Result:
         """Tracks and speed as plain values, for programs.
 
         `seconds` is what the run took, `realtime_factor` the length of the recording over it, `masked_frames` the
-        number of frames in which a channel was left out because a sample was not finite.
+        number of frames of a recording in which a channel was left out because a sample was not finite.
         """
         frames = self.data.sizes["time"]
+        recorded = self.array is not None
+        interval = self.scenario.analysis.frame if recorded else self.data.attrs["frame_interval"]
+        masked = {"masked_frames": int((self.data.masked_channels > 0).sum())} if recorded else {}
         return {
             "tracks": [track.as_dict() for track in self.tracks],
             "frames": frames,
             "seconds": self.seconds,
-            "realtime_factor": frames * self.scenario.analysis.frame / self.seconds,
-            "masked_frames": int((self.data.masked_channels > 0).sum()),
+            "realtime_factor": frames * interval / self.seconds,
+            **masked,
         }
 
 
-def tracks_of(data: xr.Dataset) -> list[BearingTrack]:
+def positions(data: xr.Dataset) -> list[str]:
+    """Components of the position in the data of a sequence; none in those of a recording."""
+    return [name for name in ("x", "y", "range") if name + "_std" in data]
+
+
+def track_fields(data: xr.Dataset) -> list[str]:
+    """Names of what is told of a track in the data of a result."""
+    names = positions(data)
+    return PositionTrack.fields(names) if names else [field.name for field in fields(BearingTrack)]
+
+
+def tracks_of(data: xr.Dataset) -> list[BearingTrack] | list[PositionTrack]:
     """Tracks in the data of a result."""
+    names = positions(data)
+    if names:
+        time, label, existence = (data[name].values for name in ("time", "label", "track_existence"))
+        return position_tracks(time, label, {name: data[_mean(name)].values for name in names}, existence)
     columns = (data[name].values for name in ("time", "label", "bearing", "bearing_std", "snr", "track_existence"))
     time, label, bearing, std, snr_db, existence = columns
     return bearing_tracks(time, label, np.radians(bearing), np.radians(std), snr_db, existence)
@@ -116,3 +140,83 @@ def frames_dataset(
             "start_time": "" if recording.start_time is None else f"{recording.start_time}Z",
         },
     )
+
+
+def sequence_dataset(
+    times: np.ndarray, estimates: Estimate, rows: dict[str, np.ndarray], sequence: Sequence
+) -> xr.Dataset:
+    """Estimates of a stretch of a sequence as named variables with units.
+
+    Parameters
+    ----------
+    times : of the frames, from the first of the sequence; seconds.
+    estimates : of the tracker, stacked.
+    rows : of profiles the `record` and the `surface`, shape (frame, cell).
+    sequence : that they belong to.
+    """
+    axes = dict(sequence.axes)
+    told = {
+        "existence": (estimates.existence, "1", "probability that a target exists"),
+        "label": (estimates.label, "1", "track in hand, 0 where there is none"),
+        "track_existence": (estimates.track_existence, "1", "probability that the track's target exists"),
+        "log_evidence": (estimates.log_evidence, "1", "log of the mean likelihood ratio"),
+    }
+    for field in fields(estimates.mean):
+        name, unit = field.name, units_of(field.name, axes)
+        long_name = name.replace("_", " ")
+        told[_mean(name)] = (getattr(estimates.mean, name), unit, f"mean {long_name}")
+        told[f"{name}_std"] = (getattr(estimates.std, name), unit, f"standard deviation of {long_name}")
+    variables: dict[str, Any] = {
+        name: ("time", np.asarray(values), {"units": unit, "long_name": long_name})
+        for name, (values, unit, long_name) in told.items()
+    }
+    names = {"record": "value over what is expected without a target", "surface": SURFACE}
+    for name, values in rows.items():
+        half = np.clip(values, -HALF, HALF).astype(np.float16)
+        variables[name] = (("time", *axes), half, {"units": "1", "long_name": names[name]})
+    coordinates = _coordinates(sequence) if rows else {}
+    coordinates["time"] = ("time", times, {"units": "s", "long_name": "time from the first frame"})
+    return xr.Dataset(variables, coordinates, _attributes(sequence))
+
+
+def pictures_dataset(times: np.ndarray, frames: np.ndarray, surfaces: np.ndarray, sequence: Sequence) -> xr.Dataset:
+    """Some images of a sequence and the surfaces after them, both of shape (snapshot, *cells), without a time axis."""
+    dims = ("snapshot", *dict(sequence.axes))
+    coordinates = _coordinates(sequence)
+    coordinates["snapshot"] = ("snapshot", times, {"units": "s", "long_name": "time from the first frame"})
+    variables = {
+        "frame": (dims, frames, {"units": "1", "long_name": "value in the file"}),
+        "surface": (dims, surfaces, {"units": "1", "long_name": SURFACE}),
+    }
+    return xr.Dataset(variables, coordinates, _attributes(sequence))
+
+
+def joined(blocks: Iterable[xr.Dataset]) -> xr.Dataset:
+    """Consecutive blocks as one; what has no time axis is added as it is."""
+    held = list(blocks)
+    timed = xr.concat([block for block in held if "time" in block.sizes], "time", combine_attrs="override")
+    return xr.merge([timed, *(block for block in held if "time" not in block.sizes)], combine_attrs="override")
+
+
+SURFACE = "log of the target likelihood ratio"
+
+
+def _mean(name: str) -> str:
+    """Name of the variable that holds the mean of a component; that of an axis is taken."""
+    return f"{name}_mean"
+
+
+def _coordinates(sequence: Sequence) -> dict[str, Any]:
+    axes = dict(sequence.axes)
+    return {
+        name: (name, axis.values, {"units": units_of(name, axes), "long_name": name.replace("_", " ")})
+        for name, axis in sequence.axes
+    }
+
+
+def _attributes(sequence: Sequence) -> dict[str, Any]:
+    return {
+        "source": sequence.source,
+        "first_frame_time": float(sequence.times[0]),
+        "frame_interval": frame_interval(sequence),
+    }

@@ -22,7 +22,7 @@ from faintrack.baselines.detect_and_track import DetectAndTrack
 from faintrack.belief import Belief
 from faintrack.errors import InputError, naming
 from faintrack.recording import Recording
-from faintrack.result import Result, frames_dataset, tracks_of
+from faintrack.result import Result, frames_dataset, joined, tracks_of
 from faintrack.scenario.array import problem
 from faintrack.scenario.build import build_beamformer, build_tracker
 from faintrack.scenario.model import Analysis, Scenario, TrackerTable
@@ -91,10 +91,10 @@ def track(
     return collect(track_blocks(recording, array, scenario), scenario, array)
 
 
-def collect(blocks: Iterable[xr.Dataset], scenario: Scenario, array: SensorArray) -> Result:
-    """Result of consecutive blocks, held in memory; see `track_blocks`."""
+def collect(blocks: Iterable[xr.Dataset], scenario: Scenario, array: SensorArray | None) -> Result:
+    """Result of consecutive blocks, held in memory; see `track_blocks` and `faintrack.session_frames`."""
     start = clock.perf_counter()
-    data = xr.concat(list(blocks), "time", combine_attrs="override")
+    data = joined(blocks)
     return Result(data, tracks_of(data), scenario, array, clock.perf_counter() - start)
 
 

@@ -70,7 +70,10 @@ def simulate(
 def track(
     recording: Annotated[
         list[Path],
-        typer.Argument(help="WAV, FLAC, HDF5, Zarr, SAC, miniSEED; channels of several files are put side by side."),
+        typer.Argument(
+            help="WAV, FLAC, HDF5, Zarr, SAC, miniSEED; channels of several files are put side by side. "
+            "Or frames: TIFF, npz, a folder of PNG; MAT, Zarr with a scenario that has \\[frames]."
+        ),
     ],
     array: ArrayFile = None,
     band: Band = None,
@@ -80,17 +83,24 @@ def track(
     out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Find and follow the sources in a recording of an array.
+    """Find and follow the sources in a recording of an array, or the targets in images and radar frames.
 
     Example: [bold]faintrack track night.wav --array array.toml --band 100 1500 --out night[/bold]
+
+    Example: [bold]faintrack track frames.tif --out frames[/bold]
     """
-    from faintrack.cli.running import run_track, scenario_and_array
+    from faintrack.cli.running import frames_scenario, open_sequence, run_track, run_track_frames, scenario_and_array
     from faintrack.cli.tables import print_tracks
     from faintrack.io import match_channels, read
 
-    what, geometry = scenario_and_array(scenario, array, band, frame, method)
-    samples = read(*recording)
-    result = run_track(samples, match_channels(geometry, samples), what, out, quiet=as_json)
+    only_array = {"--array": array, "--band": band, "--frame": frame, "--method": method}
+    for_frames = frames_scenario(recording, scenario, only_array)
+    if for_frames is not None:
+        result = run_track_frames(open_sequence(recording[0], for_frames), for_frames, out, quiet=as_json)
+    else:
+        what, geometry = scenario_and_array(scenario, array, band, frame, method)
+        samples = read(*recording)
+        result = run_track(samples, match_channels(geometry, samples), what, out, quiet=as_json)
     if as_json:
         print(json.dumps(result.summary()))
     else:

@@ -5,16 +5,18 @@ import json
 import os
 import sys
 import time as clock
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import jax
+import xarray as xr
 
 from faintrack.calibration import Calibrated, calibrate
 from faintrack.errors import InputError, naming
-from faintrack.io import read_array, write_recording
+from faintrack.io import read_array, read_sequence, write_recording
 from faintrack.io.results import read_result, result_folder, write_result
+from faintrack.io.sequences import holds_frames
 from faintrack.plots.report import write_report
 from faintrack.recording import Recording
 from faintrack.result import Result
@@ -23,7 +25,9 @@ from faintrack.scenario.array import build
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.simulate import simulated_samples
 from faintrack.sensors.array import SensorArray
+from faintrack.sequence import Sequence
 from faintrack.session import collect, track_blocks, with_analysis, with_method
+from faintrack.session_frames import track_frame_blocks, with_frames
 from faintrack.studies.folder import open_folder
 from faintrack.studies.running import cache_folder, connect, run_missing
 from faintrack.studies.study import load
@@ -68,13 +72,62 @@ def run_calibration(
 
 def run_track(recording: Recording, array: SensorArray, scenario: Scenario, out: Path | None, quiet: bool) -> Result:
     """Result of a recording; where `out` is given it is kept there with its report."""
-    keep_compilations()
     frames = int(recording.duration / scenario.analysis.frame)
-    blocks = track_blocks(recording, array, scenario)
-    blocks = progress(blocks, "tracking", frames, lambda block: block.sizes["time"], quiet)
+    return _run_blocks(track_blocks(recording, array, scenario), frames, scenario, array, out, quiet)
+
+
+def run_track_frames(sequence: Sequence, scenario: Scenario, out: Path | None, quiet: bool) -> Result:
+    """Result of a sequence of frames; where `out` is given it is kept there with its report."""
+    return _run_blocks(track_frame_blocks(sequence, scenario), sequence.length, scenario, None, out, quiet)
+
+
+def frames_scenario(paths: list[Path], scenario: Path | None, options: Mapping[str, object]) -> Scenario | None:
+    """Scenario for frames, where the scenario has a table of them or the file can hold nothing else; None otherwise.
+
+    Parameters
+    ----------
+    paths : what is to be tracked in.
+    scenario : file.
+    options : those that only recordings of an array take, by name; None where not given.
+
+    Raises
+    ------
+    InputError : frames with options of an array, or in several files.
+    """
+    what = None if scenario is None else read_scenario(scenario)
+    given = [name for name, value in options.items() if value is not None]
+    asked = what is not None and what.frames is not None
+    if not asked and (given or (what is not None and what.array is not None) or not all(map(holds_frames, paths))):
+        return None
+    if given:
+        raise InputError(f"{scenario} has [frames]; expected no {given[0]}, which is for recordings of an array.")
+    if len(paths) > 1:
+        raise InputError(f"{len(paths)} files of frames were given; expected one file, or one folder of PNG files.")
+    return with_frames(what)
+
+
+def open_sequence(path: Path, scenario: Scenario) -> Sequence:
+    """Frames of a file as the scenario names them."""
+    table = scenario.frames
+    assert table is not None
+    return read_sequence(path, table.variable, table.dims, table.frame_interval)
+
+
+def _run_blocks(
+    blocks: Iterator[xr.Dataset],
+    frames: int,
+    scenario: Scenario,
+    array: SensorArray | None,
+    out: Path | None,
+    quiet: bool,
+) -> Result:
+    keep_compilations()
+    blocks = progress(blocks, "tracking", frames, lambda block: block.sizes.get("time", 0), quiet)
     if out is None:
-        # Only tables are printed: without the record, a frame is a few bytes.
-        return collect((block.drop_vars("record") for block in blocks), scenario, array)
+        # Only tables are printed: without the pictures, a frame is a few bytes.
+        return collect(
+            (block.drop_vars(["record", "surface", "frame"], errors="ignore") for block in blocks), scenario, array
+        )
     with result_folder(out) as folder:
         result = write_result(folder, blocks, scenario, array)
         write_report(folder / "report.html", result)

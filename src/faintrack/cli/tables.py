@@ -14,25 +14,27 @@ if TYPE_CHECKING:
     from faintrack.bench import Row
 
 
+BEARING_COLUMNS = (
+    ("label", "track", "d"),
+    ("start_s", "start s", ".1f"),
+    ("end_s", "end s", ".1f"),
+    ("bearing_deg", "bearing deg", ".1f"),
+    ("bearing_std_deg", "std deg", ".1f"),
+    ("snr_db", "SNR dB", ".1f"),
+    ("existence_max", "existence", ".4f"),
+)
+"""Field of a track, heading, format."""
+
+
 def print_tracks(result: Result) -> None:
     """Tracks of a result, and how fast it came."""
     if result.tracks:
-        columns = ("track", "start s", "end s", "bearing deg", "std deg", "SNR dB", "existence")
-        rows = (
-            (
-                str(track.label),
-                f"{track.start_s:.1f}",
-                f"{track.end_s:.1f}",
-                f"{track.bearing_deg:.1f}",
-                f"{track.bearing_std_deg:.1f}",
-                f"{track.snr_db:.1f}",
-                f"{track.existence_max:.4f}",
-            )
-            for track in result.tracks
-        )
-        _print(columns, rows)
+        tracks = [track.as_dict() for track in result.tracks]
+        columns = BEARING_COLUMNS if result.array is not None else _position_columns(tracks[0])
+        rows = ([format(track[field], form) for field, _, form in columns] for track in tracks)
+        _print([heading for _, heading, _ in columns], rows)
     summary = result.summary()
-    masked = f", {summary['masked_frames']} with masked channels" if summary["masked_frames"] else ""
+    masked = f", {summary['masked_frames']} with masked channels" if summary.get("masked_frames") else ""
     print(
         f"{len(result.tracks)} tracks in {summary['frames']} frames{masked}; "
         f"{summary['seconds']:.1f} s, {summary['realtime_factor']:.0f} times real time"
@@ -43,6 +45,7 @@ def print_findings(result: Result) -> None:
     """What was found of the sources of a simulated recording, beside the truth."""
     table = result.scenario.simulation
     assert table is not None, "found against true needs a simulation"
+    assert result.array is not None, "what is simulated is an array's recording"
     sources = sources_of(table)
     circular = result.array.circular
     lobe = main_lobe_deg(result.array, result.scenario.analysis.band, table.sample_rate)
@@ -92,6 +95,11 @@ def print_study(summary: dict[str, Any]) -> None:
     for row in summary["rows"]:
         print(f"{row['key']}: {row['name']}")
     print(f"{sum(summary['runs'].values())} runs, seed {summary['seed']}, {summary['seconds']:.0f} s")
+
+
+def _position_columns(track: dict[str, Any]) -> list[tuple[str, str, str]]:
+    special = {"label": ("track", "d"), "existence_max": ("existence", ".4f")}
+    return [(name, *special.get(name, (name.replace("_", " "), ".4g"))) for name in track]
 
 
 def _interval(bounds: list[float | None]) -> str:

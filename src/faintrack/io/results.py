@@ -4,14 +4,13 @@
 
     result.zarr      one entry a frame, axes and units in the attributes (xarray)
     tracks.csv       one row a track
-    scenario.toml    what was run, with the array; runs again as it is
+    scenario.toml    what was run, with the array if there is one; runs again as it is
     versions.json    of the software, and what the run took
 
 It is written under another name beside its place and renamed when it is whole.
 """
 
 import csv
-import dataclasses
 import importlib.metadata
 import json
 import platform
@@ -25,11 +24,11 @@ import xarray as xr
 import zarr
 
 from faintrack.errors import InputError
-from faintrack.result import Result, tracks_of
+from faintrack.result import Result, track_fields, tracks_of
 from faintrack.scenario.array import build, describe
 from faintrack.scenario.model import Scenario, read, to_toml
 from faintrack.sensors.array import SensorArray
-from faintrack.tracks import BearingTrack
+from faintrack.tracks import BearingTrack, PositionTrack
 
 CHUNK = 512
 """Frames written at a time, and in one chunk of the store."""
@@ -76,14 +75,15 @@ def make_folder(path: Path) -> None:
         raise InputError(f"{path} cannot be written ({error.strerror}).") from error
 
 
-def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario, array: SensorArray) -> Result:
+def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario, array: SensorArray | None) -> Result:
     """Write a result block by block and return it, its data read from the folder as needed.
 
     Parameters
     ----------
     folder : that exists and is empty.
-    blocks : consecutive frames; see `faintrack.session.track_blocks`.
-    scenario, array : what was run.
+    blocks : consecutive frames; see `faintrack.session.track_blocks` and, for those without a time axis, which are
+        added as they are, `faintrack.session_frames.track_frame_blocks`.
+    scenario, array : what was run; no array for a sequence of frames.
     """
     start = clock.perf_counter()
     store = folder / "result.zarr"
@@ -106,19 +106,23 @@ def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario,
         written = True
         held.clear()
 
+    timeless: list[xr.Dataset] = []
     for block in blocks:
-        held.append(block)
+        (held if "time" in block.sizes else timeless).append(block)
         if sum(part.sizes["time"] for part in held) >= CHUNK:
             flush()
     if held:
         flush()
+    for block in timeless:
+        block.to_zarr(store, mode="a", consolidated=False)
     zarr.consolidate_metadata(store)
     seconds = clock.perf_counter() - start
-    (folder / "scenario.toml").write_text(to_toml(scenario.model_copy(update={"array": describe(array)})))
+    described = scenario if array is None else scenario.model_copy(update={"array": describe(array)})
+    (folder / "scenario.toml").write_text(to_toml(described))
     (folder / "versions.json").write_text(json.dumps({"seconds": seconds, **versions()}, indent=2) + "\n")
     data = _open(folder)
     tracks = tracks_of(data)
-    write_tracks(folder / "tracks.csv", tracks)
+    write_tracks(folder / "tracks.csv", tracks, track_fields(data))
     return Result(data, tracks, scenario, array, seconds)
 
 
@@ -135,21 +139,22 @@ def read_result(folder: str | Path) -> Result:
     if not (folder / "result.zarr").exists():
         raise InputError(f"{folder} has no result.zarr; expected the result of faintrack track --out.")
     scenario = read(folder / "scenario.toml")
-    if scenario.array is None:
-        raise InputError(f"{folder / 'scenario.toml'} has no [array]; expected the one that was used.")
+    if scenario.array is None and scenario.frames is None:
+        raise InputError(f"{folder / 'scenario.toml'} has no [array] or [frames]; expected the one that was used.")
     try:
         seconds = float(json.loads((folder / "versions.json").read_text())["seconds"])
         data = _open(folder)
         tracks = tracks_of(data)
     except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
         raise InputError(f"{folder} is damaged or incomplete ({error}).") from error
-    return Result(data, tracks, scenario, build(scenario.array, folder), seconds)
+    array = None if scenario.array is None else build(scenario.array, folder)
+    return Result(data, tracks, scenario, array, seconds)
 
 
-def write_tracks(path: Path, tracks: list[BearingTrack]) -> None:
-    """Tracks as CSV: a header with the fields of `BearingTrack`, a row a track."""
+def write_tracks(path: Path, tracks: list[BearingTrack] | list[PositionTrack], names: list[str]) -> None:
+    """Tracks as CSV: a header with the names of what is told of each, a row a track."""
     with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, [field.name for field in dataclasses.fields(BearingTrack)])
+        writer = csv.DictWriter(file, names)
         writer.writeheader()
         writer.writerows(track.as_dict() for track in tracks)
 

@@ -95,6 +95,19 @@ def read_sequence(
     return Sequence(read, times, tuple((dim, axis) for dim, axis, _ in found), str(path))
 
 
+def holds_frames(path: Path) -> bool:
+    """Whether a path can be nothing else than frames: TIFF, npz, a folder of PNG files; the others hold samples too.
+
+    Examples
+    --------
+    >>> holds_frames(Path("stack.tif")), holds_frames(Path("night.zarr"))
+    (True, False)
+    """
+    if path.suffix.lower() in (".npz", ".tif", ".tiff"):
+        return True
+    return path.is_dir() and path.suffix.lower() not in READERS and any(path.glob("*.[pP][nN][gG]"))
+
+
 def _reader(path: Path) -> Callable[[Path], dict[str, Variable]]:
     reader = READERS.get(path.suffix.lower(), open_folder if path.is_dir() else None)
     if not path.exists():

@@ -64,7 +64,7 @@ def draw_record(axes: Axes, data: xr.Dataset) -> None:
 
 def draw_tracks(axes: Axes, data: xr.Dataset) -> None:
     """Each track as a line between two thin ones, two standard deviations away, with its label at its start."""
-    for number, mine in _each_track(data):
+    for number, mine in each_track(data):
         time, bearing, std = (mine[name].values for name in ("time", "bearing", "bearing_std"))
         # A line that jumps across the ends of the circle would cross the picture.
         jumps = np.flatnonzero(np.abs(np.diff(bearing)) > 180) + 1
@@ -100,7 +100,7 @@ def draw_existence(axes: Axes, result: Result) -> None:
 
 def draw_snr(axes: Axes, data: xr.Dataset) -> None:
     """SNR of the tracks with a band of one standard deviation."""
-    for _, mine in _each_track(data):
+    for _, mine in each_track(data):
         axes.plot(mine.time, mine.snr, color=TRACK, linewidth=1.2)
         axes.fill_between(
             mine.time, mine.snr - mine.snr_std, mine.snr + mine.snr_std, color=TRACK, alpha=0.25, linewidth=0
@@ -109,7 +109,8 @@ def draw_snr(axes: Axes, data: xr.Dataset) -> None:
     axes.grid(alpha=0.3)
 
 
-def _each_track(data: xr.Dataset) -> list[tuple[int, xr.Dataset]]:
+def each_track(data: xr.Dataset) -> list[tuple[int, xr.Dataset]]:
+    """Labels of the tracks in the data of a result, each with its frames."""
     label = data.label.values
     return [(int(number), data.isel(time=np.flatnonzero(label == number))) for number in np.unique(label[label > 0])]
 

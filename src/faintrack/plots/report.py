@@ -6,7 +6,8 @@ import io
 from pathlib import Path
 
 from faintrack.plots.bearing import draw_result
-from faintrack.result import Result
+from faintrack.plots.frames import draw_frames
+from faintrack.result import Result, positions
 from faintrack.scenario import to_toml
 
 STYLE = """
@@ -20,7 +21,7 @@ th { text-align: right; font-weight: 600; } pre { background: #f5f5f5; padding: 
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 0.1rem 1.2rem; } dt { color: #555; } dd { margin: 0; }
 """
 
-COLUMNS = (
+BEARING_COLUMNS = (
     ("label", "track", "{:d}"),
     ("start_s", "start (s)", "{:.1f}"),
     ("end_s", "end (s)", "{:.1f}"),
@@ -51,32 +52,72 @@ def write_report(path: str | Path, result: Result) -> Path:
 
 def report(result: Result) -> str:
     """HTML text of a report."""
-    data = result.data
-    frame = result.scenario.analysis.frame
-    band = result.scenario.analysis.band
-    alive = result.array.alive
-    masked = int((data.masked_channels > 0).sum())
-    facts = {
-        "recording": data.attrs["source"],
-        "start": data.attrs["start_time"] or "not known",
-        "frames": f"{data.sizes['time']} of {frame:g} s",
-        "band": "all frequencies" if band is None else f"{band[0]:g} to {band[1]:g} Hz",
-        "array": f"{int(alive.sum())} of {len(alive)} channels in use, {result.array.sound_speed:g} m/s",
-        "bearings": f"degrees {data.beam.attrs['reference']}",
-        "frames with masked channels": f"{masked} (samples that are not finite)" if masked else "none",
-    }
+    recorded = result.array is not None
+    facts = _about_recording(result) if recorded else _about_sequence(result)
+    shown = "Record, existence, SNR" if recorded else "Frames, existence, position"
     rows = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in facts.items())
+    name = html.escape(Path(result.data.attrs["source"]).name)
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>faintrack: {html.escape(Path(data.attrs["source"]).name)}</title><style>{STYLE}</style></head><body>
-<h1>{_count(len(result.tracks))} in {html.escape(Path(data.attrs["source"]).name)}</h1>
+<title>faintrack: {name}</title><style>{STYLE}</style></head><body>
+<h1>{_count(len(result.tracks))} in {name}</h1>
 <dl>{rows}</dl>
 <h2>Tracks</h2>{_table(result)}
-<h2>Record, existence, SNR</h2>
-<img alt="Bearing-time record with tracks, probability of existence, signal to noise ratio" src="{_picture(result)}">
+<h2>{shown}</h2>
+<img alt="{shown}, with the tracks" src="{_picture(result)}">
 <h2>Scenario</h2><details><summary>What was run</summary><pre>{html.escape(to_toml(result.scenario))}</pre></details>
 </body></html>
 """
+
+
+def _about_recording(result: Result) -> dict[str, str]:
+    data, array, analysis = result.data, result.array, result.scenario.analysis
+    assert array is not None
+    masked = int((data.masked_channels > 0).sum())
+    band = analysis.band
+    return {
+        "recording": data.attrs["source"],
+        "start": data.attrs["start_time"] or "not known",
+        "frames": f"{data.sizes['time']} of {analysis.frame:g} s",
+        "band": "all frequencies" if band is None else f"{band[0]:g} to {band[1]:g} Hz",
+        "array": f"{int(array.alive.sum())} of {len(array.alive)} channels in use, {array.sound_speed:g} m/s",
+        "bearings": f"degrees {data.beam.attrs['reference']}",
+        "frames with masked channels": f"{masked} (samples that are not finite)" if masked else "none",
+    }
+
+
+def _about_sequence(result: Result) -> dict[str, str]:
+    data = result.data
+    axes = [name for name in data.surface.dims if name not in ("time", "snapshot")]
+    return {
+        "frames": data.attrs["source"],
+        "number": f"{data.sizes['time']}, {data.attrs['frame_interval']:g} s apart",
+        "first frame": f"{data.attrs['first_frame_time']:g} s; times are from there",
+        **{
+            f"axis {name}": f"{data.sizes[name]} cells, {float(data[name][0]):g} to {float(data[name][-1]):g} "
+            f"{data[name].attrs['units']}"
+            for name in axes
+        },
+    }
+
+
+def _position_columns(result: Result) -> tuple[tuple[str, str, str], ...]:
+    data = result.data
+    names = positions(data)
+    unit = data[names[0]].attrs["units"]
+    places = [
+        (f"{name}_{side}", f"{name} at {side} ({data[name].attrs['units']})", "{:.1f}")
+        for side in ("start", "end")
+        for name in names
+    ]
+    return (
+        ("label", "track", "{:d}"),
+        ("start_s", "start (s)", "{:.3g}"),
+        ("end_s", "end (s)", "{:.3g}"),
+        *places,
+        ("speed", f"speed ({unit}/s)", "{:.3g}"),
+        ("existence_max", "largest existence", "{:.4f}"),
+    )
 
 
 def _count(number: int) -> str:
@@ -86,9 +127,10 @@ def _count(number: int) -> str:
 def _table(result: Result) -> str:
     if not result.tracks:
         return f"<p>Existence never reached {result.scenario.tracker.declare:g}.</p>"
-    head = "".join(f"<th>{heading}</th>" for _, heading, _ in COLUMNS)
+    columns = BEARING_COLUMNS if result.array is not None else _position_columns(result)
+    head = "".join(f"<th>{heading}</th>" for _, heading, _ in columns)
     body = "".join(
-        "<tr>" + "".join(f"<td>{form.format(getattr(track, field))}</td>" for field, _, form in COLUMNS) + "</tr>"
+        "<tr>" + "".join(f"<td>{form.format(track.as_dict()[field])}</td>" for field, _, form in columns) + "</tr>"
         for track in result.tracks
     )
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
@@ -96,5 +138,6 @@ def _table(result: Result) -> str:
 
 def _picture(result: Result) -> str:
     buffer = io.BytesIO()
-    draw_result(result).savefig(buffer, format="png", dpi=130)
+    draw = draw_result if result.array is not None else draw_frames
+    draw(result).savefig(buffer, format="png", dpi=130)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()

@@ -1,4 +1,4 @@
-"""What to run: one TOML file for the array, the analysis, the target, the tracker and, if wanted, a simulation.
+"""What to run: one TOML file for the array or the frames, the target, the tracker and, if wanted, a simulation.
 
 Every field has a default but the ones that only the user can know. Units are those of the field's name: `_deg`
 degree, `_db` decibel, otherwise SI.
@@ -16,6 +16,17 @@ degree, `_db` decibel, otherwise SI.
     duration = 180.0             # s
     sample_rate = 4000.0         # Hz
     sources = [{snr_db = -30.0, bearing_deg = 60.0, bearing_rate_deg = 0.1, start = 60.0}]
+
+Images, range-time and range-Doppler matrices have `[frames]` in place of `[array]`, `[analysis]`, `[likelihood]`:
+
+.. code-block:: toml
+
+    [frames]
+    frame_interval = 0.04        # s
+    background = "whiten"
+
+    [cells]
+    levels = [2.0, 5.0, 12.0]    # of the target, over the standard deviation of the background
 """
 
 import tomllib
@@ -60,6 +71,10 @@ class TargetTable(Table):
     snr_db : lowest and highest SNR of a target at one channel, in the band; dB. Where not given, from the SNR at
         which a frame tells 0.02 nats of a target, to 20 dB.
     snr_noise_db : random walk of the SNR; dB per root second.
+    speed : in frames: new targets move at most this fast along each axis, either way; units of the axis (pixels,
+        metres) a second. One cell a frame where not given.
+    velocity_noise : in frames: density of the acceleration along each axis; units of the axis a second per root
+        second. Where not given, in one frame it changes the way of the next by a tenth of a cell.
     """
 
     arrival_rate: float = Field(default=0.001, gt=0)
@@ -68,6 +83,8 @@ class TargetTable(Table):
     bearing_rate_noise_deg: float = Field(default=0.05, ge=0)
     snr_db: Pair | None = None
     snr_noise_db: float = Field(default=0.5, ge=0)
+    speed: float | None = Field(default=None, gt=0)
+    velocity_noise: float | None = Field(default=None, ge=0)
 
     @model_validator(mode="after")
     def _ordered(self) -> "TargetTable":
@@ -100,21 +117,69 @@ class LikelihoodTable(Table):
         return self
 
 
-class FilterTable(Table):
-    """The particle filter.
+class FramesTable(Table):
+    """Which frames are read from a file, and what is seen in them without a target.
 
     Attributes
     ----------
-    particles : that follow a target.
-    births : newborn particles a scan.
-    guided : whether newborn particles are drawn where the scan points, which loud sources need; otherwise everywhere.
-    seed : of the random numbers.
+    variable : name of the array that holds the frames; see `faintrack.io.read_sequence` where not given.
+    dims : names of its axes in the order of the file, one of them time.
+    frame_interval : s from frame to frame; the file's own times where not given.
+    background : "whiten", a scene of unknown brightness before which the target moves; "clutter", power of echoes with
+        an unknown level in every cell; "none", noise of the level `cells.noise`. Where not given, "whiten" for images
+        and "clutter" for all else.
+    memory : frames after which "whiten" and "clutter" forget; 0 with "whiten" remembers none.
     """
 
+    variable: str | None = None
+    dims: Annotated[tuple[str, ...], Field(strict=False)] | None = None
+    frame_interval: float | None = Field(default=None, gt=0)
+    background: Literal["whiten", "clutter", "none"] | None = None
+    memory: float = Field(default=30.0, ge=0)
+
+
+class CellsTable(Table):
+    """What a target does to the cells of a frame; see `faintrack.likelihoods.cells`.
+
+    Attributes
+    ----------
+    amplitude : values of the cells: "gaussian" or "student" (heavy tails), whose mean the target raises; "swerling0"
+        or "swerling1", power; "rayleigh", envelope. "student" after whitening where not given; "clutter" takes none.
+    noise : for background "none": standard deviation of the noise for "gaussian" and "student", its mean power for
+        "swerling0" and "swerling1", root of half its mean square for "rayleigh"; unit of the frames.
+    levels : of the target at its peak, one or several that are equally probable: mean over the standard deviation for
+        "gaussian" and "student", otherwise power over the power of noise or clutter; linear.
+    width : of the target's spread, see `faintrack.likelihoods.cells.gaussian_spread`; cells; 0 where it is all in one
+        cell. Where not given, 0.55 after whitening and 0 otherwise.
+    """
+
+    amplitude: Literal["gaussian", "student", "swerling0", "swerling1", "rayleigh"] | None = None
+    noise: float = Field(default=1.0, gt=0)
+    levels: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(strict=False, min_length=1)] | None = None
+    width: float | None = Field(default=None, ge=0, le=10)
+
+
+class FilterTable(Table):
+    """What carries the belief.
+
+    Attributes
+    ----------
+    kind : "particles"; or "grid", in frames only, whose cells are those of the sensor. Where not given, particles for
+        recordings of an array and a grid for frames.
+    particles : that follow a target.
+    births : newborn particles a scan.
+    guided : whether newborn particles are drawn where the scan points, which loud sources need; otherwise everywhere,
+        as always in frames.
+    seed : of the random numbers.
+    speeds : of the grid, along each axis from -`target.speed` to `target.speed`.
+    """
+
+    kind: Literal["particles", "grid"] | None = None
     particles: int = Field(default=1000, ge=10, le=1_000_000)
     births: int = Field(default=250, ge=10, le=1_000_000)
     guided: bool = True
     seed: int = Field(default=0, ge=0)
+    speeds: int = Field(default=3, ge=1, le=99)
 
 
 class TrackerTable(Table):
@@ -205,6 +270,22 @@ class Scenario(Table):
     tracker: TrackerTable = TrackerTable()
     cfar: CfarTable = CfarTable()
     simulation: SimulationTable | None = None
+    frames: FramesTable | None = None
+    cells: CellsTable = CellsTable()
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "Scenario":
+        if self.frames is None:
+            if self.filter.kind == "grid":
+                raise ValueError('filter.kind is "grid": expected [frames] with it')
+            return self
+        others = {"array": self.array, "simulation": self.simulation}
+        found = [f"[{name}]" for name, table in others.items() if table is not None]
+        if found:
+            raise ValueError(f"there are [frames] and {found[0]}: expected one of them")
+        if self.tracker.method == "cfar":
+            raise ValueError('tracker.method is "cfar": expected "bernoulli" with [frames]')
+        return self
 
 
 def read(path: str | Path) -> Scenario:

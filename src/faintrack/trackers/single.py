@@ -9,6 +9,9 @@ of those:
 
 The track is dropped when this falls below a lower threshold. A source that takes over elsewhere brings newborn
 particles, so it ends the old track and begins one with a new label, without any rule about jumps in the estimate.
+
+The cells of a grid have no birth times. There a track owns all of them and goes on until existence falls below the
+threshold, whichever target it is that exists.
 """
 
 from typing import Any
@@ -92,10 +95,10 @@ class SingleTargetTracker(eqx.Module):
         belief, log_evidence = step(self.filter, self.likelihood, following.belief, scan, key, self.guided)
         weights = jnp.exp(belief.log_weights)
         born = belief.born
-        assert born is not None, "tracks are told apart by when their particles were born"
 
-        def owned(active: Array, declared: Array) -> Float[Array, " points"]:
-            return jnp.where(active & (born > declared), 0, weights)
+        def owned(active: Array, declared: Array) -> Float[Array, "*points"]:
+            # Cells of a grid do not know when their target was born: the track owns them all.
+            return weights if born is None else jnp.where(active & (born > declared), 0, weights)
 
         held = belief.existence * owned(following.active, following.declared).sum()
         kept = following.active & (held >= self.drop)

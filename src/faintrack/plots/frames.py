@@ -1,0 +1,161 @@
+"""A sequence of frames with its tracks: pictures, likelihood ratio surface, existence, position."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+
+from faintrack.plots.bearing import COLUMNS, LINE, TRACK, draw_existence, each_track
+from faintrack.result import Result, positions
+
+ACROSS = 4
+"""Images side by side."""
+
+DEPTH = 20.0
+"""Natural units below its peak down to which a surface is drawn."""
+
+
+def draw_frames(result: Result) -> Figure:
+    """Figure of a result of frames: images or the whole matrix, surfaces, existence, position over time.
+
+    Returns
+    -------
+    A matplotlib figure that belongs to no window.
+    """
+    data = result.data
+    names = positions(data)
+    profiles = "record" in data
+    bands = 2 if profiles else 2 * -(-data.sizes["snapshot"] // ACROSS)
+    heights = [2.6] * bands + [1.5] * (1 + len(names))
+    figure = Figure(figsize=(11, sum(heights) + 1), layout="constrained")
+    rows = figure.add_gridspec(len(heights), 1 if profiles else ACROSS, height_ratios=heights)
+    below = [figure.add_subplot(rows[bands, :])]
+    below += [figure.add_subplot(rows[bands + 1 + number, :], sharex=below[0]) for number in range(len(names))]
+    if profiles:
+        record, surface = (figure.add_subplot(rows[number, 0], sharex=below[0]) for number in range(2))
+        draw_matrix(record, data.record, "value over\nwhat is expected")
+        draw_matrix(surface, data.surface, "log of the\nlikelihood ratio", DEPTH)
+        for axes in (record, surface):
+            draw_path(axes, data, "time", names[0])
+    else:
+        draw_snapshots(figure, rows, data)
+    draw_existence(below[0], result)
+    for axes, name in zip(below[1:], names, strict=True):
+        draw_component(axes, data, name)
+    below[-1].set_xlabel("time from the first frame (s)")
+    return figure
+
+
+def draw_snapshots(figure: Figure, rows: GridSpec, data: xr.Dataset) -> None:
+    """Images, then the surfaces after each of them; the target of the moment in a circle."""
+    dims = tuple(map(str, data.frame.dims[1:]))
+    low, high = np.percentile(data.frame, [0.5, 99.8])
+    peak = float(data.surface.max())
+    bands = -(-data.sizes["snapshot"] // ACROSS)
+    for first, values, label, ends in (
+        (0, data.frame, "value in the file", (low, max(high, low + 1e-9))),
+        (bands, data.surface, "log of the likelihood\nratio of a cell", _below(peak)),
+    ):
+        panels = []
+        for number, shot in enumerate(values):
+            band, column = divmod(number, ACROSS)
+            axes = figure.add_subplot(rows[first + band, column])
+            shown = np.maximum(shot.values, ends[0])
+            axes.imshow(shown, extent=_extent(data, dims), aspect="auto", cmap="cividis", vmin=ends[0], vmax=ends[1])
+            _mark(axes, data, float(shot.snapshot), dims)
+            axes.set_title(f"{float(shot.snapshot):.4g} s", fontsize=9, pad=2)
+            axes.tick_params(labelsize=7)
+            if column == 0:
+                axes.set_ylabel(_label(data, dims[0]), fontsize=8)
+            if band == bands - 1:
+                axes.set_xlabel(_label(data, dims[1]), fontsize=8)
+            panels.append(axes)
+        figure.colorbar(panels[0].images[0], ax=panels, label=label, pad=0.01)
+
+
+def draw_matrix(axes: Axes, values: xr.DataArray, label: str, depth: float | None = None) -> None:
+    """Profiles over time; of long ones the largest value in each picture's column."""
+    step = -(-values.sizes["time"] // COLUMNS)
+    shown = values.astype(np.float32)
+    shown = shown.coarsen(time=step, boundary="pad").max() if step > 1 else shown
+    matrix = shown.values.T
+    finite = matrix[np.isfinite(matrix)]
+    low, high = np.percentile(finite, [1, 99.8]) if finite.size else (0.0, 1.0)
+    if depth is not None and finite.size:
+        low, high = finite.max() - depth, finite.max()
+    time, name = values.time.values, values.dims[1]
+    half = (time[-1] - time[0]) / max(len(time) - 1, 1) / 2 or 0.5
+    bottom, top = _ends(values[name].values)
+    drawn = axes.imshow(
+        np.maximum(np.where(np.isnan(matrix), low, matrix), low),
+        origin="lower",
+        aspect="auto",
+        extent=(time[0] - half, time[0] - half + 2 * half * step * matrix.shape[1], bottom, top),
+        cmap="cividis",
+        vmin=low,
+        vmax=max(high, low + 1e-9),
+        interpolation="nearest",
+    )
+    axes.set_xlim(time[0] - half, time[-1] + half)
+    axes.set_ylabel(f"{name} ({values[name].attrs['units']})")
+    axes.figure.colorbar(drawn, ax=axes, label=label, pad=0.01)
+
+
+def draw_path(axes: Axes, data: xr.Dataset, across: str, up: str) -> None:
+    """Each track as a thin line, with its label at its start."""
+    for number, mine in each_track(data):
+        x, y = ((mine.time if name == "time" else mine[f"{name}_mean"]).values for name in (across, up))
+        axes.plot(x, y, color=TRACK, linewidth=1.0)
+        axes.annotate(
+            str(number),
+            (x[0], y[0]),
+            xytext=(-3, 5),
+            textcoords="offset points",
+            ha="right",
+            color="white",
+            weight="bold",
+            fontsize=8,
+            bbox={"boxstyle": "round,pad=0.2", "color": TRACK},
+        )
+
+
+def draw_component(axes: Axes, data: xr.Dataset, name: str) -> None:
+    """A component of the tracks over time, with a band of two standard deviations."""
+    for _, mine in each_track(data):
+        middle, std = mine[f"{name}_mean"], mine[f"{name}_std"]
+        axes.plot(mine.time, middle, color=LINE, linewidth=1.2)
+        axes.fill_between(mine.time, middle - 2 * std, middle + 2 * std, color=LINE, alpha=0.25, linewidth=0)
+    axes.set_ylabel(_label(data, name))
+    axes.grid(alpha=0.3)
+
+
+def _mark(axes: Axes, data: xr.Dataset, time: float, dims: tuple[str, ...]) -> None:
+    """Way of the track in hand up to now, and a circle around the target."""
+    label = data.label.sel(time=time, method="nearest")
+    if label > 0:
+        mine = data.isel(time=np.flatnonzero((data.label == label) & (data.time <= time)))
+        y, x = (mine[f"{name}_mean"].values for name in dims)
+        axes.plot(x, y, color=TRACK, linewidth=0.8)
+        axes.plot(x[-1], y[-1], "o", markersize=11, markerfacecolor="none", markeredgecolor=TRACK, markeredgewidth=1.4)
+
+
+def _extent(data: xr.Dataset, dims: tuple[str, ...]) -> tuple[float, float, float, float]:
+    """Edges of an image whose first row is at the top."""
+    top, bottom = _ends(data[dims[0]].values)
+    left, right = _ends(data[dims[1]].values)
+    return left, right, bottom, top
+
+
+def _below(peak: float) -> tuple[float, float]:
+    """Ends of the colours of a surface."""
+    return (peak - DEPTH, peak) if np.isfinite(peak) else (0.0, 1.0)
+
+
+def _ends(values: np.ndarray) -> tuple[float, float]:
+    half = (values[-1] - values[0]) / max(len(values) - 1, 1) / 2 or 0.5
+    return float(values[0] - half), float(values[-1] + half)
+
+
+def _label(data: xr.Dataset, name: str) -> str:
+    return f"{name.replace('_', ' ')} ({data[name].attrs['units']})"

@@ -1,0 +1,188 @@
+"""From the tables of a scenario to what tracks in frames: background, likelihood, filter, tracker."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from faintrack.axis import Axis, between
+from faintrack.errors import InputError
+from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
+from faintrack.filters.grid import GridFilter
+from faintrack.filters.run import Filter, Likelihood
+from faintrack.filters.separable import separable
+from faintrack.grids import Grid
+from faintrack.likelihoods.cells import (
+    Amplitude,
+    CellLikelihood,
+    gaussian,
+    gaussian_spread,
+    point,
+    rayleigh,
+    swerling0,
+    swerling1,
+)
+from faintrack.likelihoods.clutter import ClutterLikelihood
+from faintrack.likelihoods.heavy_tails import student
+from faintrack.likelihoods.unknown_level import UnknownLevel
+from faintrack.scenario.model import Scenario
+from faintrack.sensors.cells import Cells
+from faintrack.sequence import Sequence
+from faintrack.signal.background import Whitening
+from faintrack.signal.clutter import ClutterTracker
+from faintrack.signal.scans import Background, OverClutter, OverNoise, OverScene
+from faintrack.targets.motion import PlanarMotion
+from faintrack.targets.states import PlanarState, RangeState
+from faintrack.targets.target import Target, UniformBirth
+from faintrack.trackers.single import SingleTargetTracker
+
+STATES: dict[frozenset[str], Any] = {
+    frozenset({"y", "x"}): PlanarState,
+    frozenset({"range"}): RangeState,
+    frozenset({"range", "range_rate"}): RangeState,
+}
+"""Axes of a frame, and the states of a target in it."""
+
+AMPLITUDES: dict[str, Amplitude] = {
+    "gaussian": gaussian,
+    "student": student(10.0),
+    "swerling0": swerling0,
+    "swerling1": swerling1,
+    "rayleigh": rayleigh,
+}
+RESIDUALS = ("gaussian", "student")
+"""Amplitudes of values that may be negative."""
+
+DEVIATIONS, POWERS = (2.0, 5.0, 12.0), (10.0,)
+"""Levels of a target by default: over the standard deviation of the noise; over its power."""
+
+WIDTH = 0.55
+"""Of the spread in whitened images by default; cells. Beside its pixel a target then has a fifth of its level."""
+
+LARGEST_GRID = 20_000_000
+"""Cells of a grid at most: each takes some twenty bytes, and a step a tenth of a microsecond."""
+
+
+def background_kind(scenario: Scenario, sequence: Sequence) -> str:
+    """Background of a scenario, or the one that suits the frames."""
+    assert scenario.frames is not None, "frames are tracked with a table of them"
+    return scenario.frames.background or ("whiten" if "x" in dict(sequence.axes) else "clutter")
+
+
+def holds_power(scenario: Scenario, sequence: Sequence) -> bool:
+    """Whether the values are a power or an envelope, which is never negative."""
+    return background_kind(scenario, sequence) == "clutter" or scenario.cells.amplitude not in (None, *RESIDUALS)
+
+
+def frame_interval(sequence: Sequence) -> float:
+    """Seconds from frame to frame, the median; 1 where there is one frame alone."""
+    return float(np.median(np.diff(sequence.times))) if sequence.length > 1 else 1.0
+
+
+def build_background(scenario: Scenario, sequence: Sequence) -> Background:
+    """What turns frames into scans.
+
+    Raises
+    ------
+    InputError : the background does not fit the frames, or its memory is too short.
+    """
+    kind, table = background_kind(scenario, sequence), scenario.frames
+    assert table is not None
+    if kind == "none":
+        return OverNoise(scenario.cells.noise)
+    if kind == "clutter":
+        if table.memory < 1:
+            raise InputError(f"frames.memory is {table.memory:g}; expected at least 1 frame for background clutter.")
+        return OverClutter(ClutterTracker(1 - 1 / table.memory, neighbour=0.25, guard=1, train=4))
+    if 0 < table.memory <= Whitening.least:
+        raise InputError(f"frames.memory is {table.memory:g}; expected 0, or more than {Whitening.least:g} frames.")
+    whitening = Whitening(memory=table.memory)
+    if len(sequence.shape) != 2 or min(sequence.shape) <= whitening.outer:
+        raise InputError(
+            f"frames have shape {sequence.shape}; expected two axes with more than {whitening.outer} cells each "
+            "for background whiten."
+        )
+    return OverScene(whitening)
+
+
+def build_cells(scenario: Scenario, sequence: Sequence, oversample: int) -> Likelihood:
+    """Likelihood of a scenario for the frames of a sequence.
+
+    Raises
+    ------
+    InputError : background and cells do not fit together.
+    """
+    kind, table, cells = background_kind(scenario, sequence), scenario.cells, Cells(sequence.axes)
+    if kind == "clutter":
+        levels = table.levels or POWERS
+        if table.amplitude is not None or table.width or len(levels) > 1:
+            raise InputError(
+                "cells: background clutter has its own likelihood, of a target in one cell; expected levels with one "
+                "number, and no amplitude or width."
+            )
+        return ClutterLikelihood(cells, levels[0])
+    name = table.amplitude or ("student" if kind == "whiten" else None)
+    if name is None:
+        raise InputError(f"cells.amplitude is missing; expected one of {', '.join(AMPLITUDES)} for background none.")
+    if kind == "whiten" and name not in RESIDUALS:
+        raise InputError(f"cells.amplitude is {name}; expected {' or '.join(RESIDUALS)} for background whiten.")
+    levels = table.levels or (DEVIATIONS if name in RESIDUALS else POWERS)
+    width = (WIDTH if kind == "whiten" else 0.0) if table.width is None else table.width
+    spread = gaussian_spread(width) if width else point
+    reach = max(1, round(2 * width)) if width else 0
+    parts = [
+        CellLikelihood(cells, AMPLITUDES[name], level, spread, reach, oversample if width else 1) for level in levels
+    ]
+    return parts[0] if len(parts) == 1 else UnknownLevel(tuple(parts))
+
+
+def build_frame_tracker(scenario: Scenario, sequence: Sequence) -> SingleTargetTracker:
+    """Tracker of a scenario for the frames of a sequence.
+
+    Raises
+    ------
+    InputError : the axes of the frames are not those of a state, the tables do not fit together, or the grid is too
+        large.
+    """
+    axes = dict(sequence.axes)
+    kind = STATES.get(frozenset(axes))
+    if kind is None:
+        raise InputError(
+            f"frames have the axes {', '.join(axes)}; expected y and x, range, or range and range_rate, beside time."
+        )
+    interval, table, filter_table = frame_interval(sequence), scenario.target, scenario.filter
+    cell = min(axes[name].step for name in kind.rates if name in axes)
+    speed = cell / interval if table.speed is None else table.speed
+    noise = 0.1 * cell / interval**1.5 if table.velocity_noise is None else table.velocity_noise
+    # A Doppler axis says itself how fast targets may be.
+    rates = {rate: between(-speed, speed, filter_table.speeds) for rate in kind.rates.values() if rate not in axes}
+    extent = {name: (float(axis.edges[0]), float(axis.edges[-1])) for name, axis in (axes | rates).items()}
+    low, high = (
+        kind(**{name: jnp.asarray(ends[side], jnp.float32) for name, ends in extent.items()}) for side in (0, 1)
+    )
+    motion = PlanarMotion(noise)
+    target = Target(UniformBirth(low, high), motion, table.arrival_rate, table.departure_rate)
+    carried: Filter
+    if filter_table.kind == "particles":
+        carried = BernoulliParticleFilter(target, filter_table.particles, filter_table.births)
+    else:
+        grid = Grid(kind, (*axes.items(), *rates.items()))
+        if grid.size > LARGEST_GRID:
+            listed = " x ".join(map(str, grid.shape))
+            raise InputError(
+                f"the grid has {listed} cells, more than {LARGEST_GRID:,}; "
+                "expected fewer filter.speeds, or filter.kind particles."
+            )
+        carried = GridFilter(grid, target, separable(grid, motion, interval))
+    oversample = 3 if filter_table.kind == "particles" else 1
+    likelihood = build_cells(scenario, sequence, oversample)
+    return SingleTargetTracker(carried, likelihood, scenario.tracker.declare, scenario.tracker.drop)
+
+
+def units_of(name: str, axes: dict[str, Axis]) -> str:
+    """Unit of an axis of frames or of a component: cells that are numbered from 0 have no other."""
+    place = {"vx": "x", "vy": "y", "range_rate": "range"}.get(name, name)
+    axis = axes.get(place)
+    numbered = axis is not None and axis.first == 0 and axis.step == 1
+    unit = ("pixel" if place in ("x", "y") else "cell") if numbered else "m"
+    return unit if name == place else f"{unit}/s"

@@ -1,0 +1,172 @@
+"""A sequence of frames through background and tracker, block by block.
+
+What `faintrack.session` is for recordings of an array this is for images, range-time and range-Doppler matrices. One
+compiled step serves every block, and memory does not grow with the length: of images `SNAPSHOTS` frames are kept for
+the report, of profiles every frame, a few bytes a cell.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float
+
+from faintrack.belief import Belief
+from faintrack.errors import InputError, naming
+from faintrack.result import Result, pictures_dataset, sequence_dataset
+from faintrack.scenario.build_frames import build_background, build_frame_tracker, holds_power
+from faintrack.scenario.model import FramesTable, Scenario
+from faintrack.sensors.cells import Cells
+from faintrack.sequence import Sequence
+from faintrack.session import BLOCK_BYTES, LONGEST_BLOCK, collect
+from faintrack.signal.scans import Background
+from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
+
+SNAPSHOTS = 8
+"""Images kept at most, evenly spaced in time, the last one among them."""
+
+
+def track_frames(sequence: Sequence, scenario: Scenario | None = None) -> Result:
+    """Tracks of the targets in a sequence of frames.
+
+    Parameters
+    ----------
+    sequence : frames with the axes y and x, range, or range and range_rate.
+    scenario : what to run; defaults where not given.
+
+    Raises
+    ------
+    InputError : sequence and scenario do not fit together, or a frame cannot be read.
+
+    Examples
+    --------
+    >>> from faintrack.sequence import from_frames
+    >>> noise = np.random.default_rng(0).normal(size=(20, 24, 32))
+    >>> result = track_frames(from_frames(noise))
+    >>> result.tracks, result.existence.sizes["time"], result.data.frame.dims
+    ([], 20, ('snapshot', 'y', 'x'))
+    """
+    scenario = with_frames(scenario)
+    return collect(track_frame_blocks(sequence, scenario), scenario, None)
+
+
+def with_frames(scenario: Scenario | None) -> Scenario:
+    """Scenario with a table of frames; defaults where there is none."""
+    scenario = Scenario() if scenario is None else scenario
+    return scenario if scenario.frames is not None else scenario.model_copy(update={"frames": FramesTable()})
+
+
+def track_frame_blocks(sequence: Sequence, scenario: Scenario, block_frames: int | None = None) -> Iterator[xr.Dataset]:
+    """Yield what is known of consecutive frames, a block at a time, and of images the snapshots at the end.
+
+    Parameters
+    ----------
+    sequence, scenario : as `track_frames`.
+    block_frames : frames held at once; from their size where not given.
+    """
+    with naming(sequence.source):
+        background, tracker = build_background(scenario, sequence), build_frame_tracker(scenario, sequence)
+    cells, images = Cells(sequence.axes), len(sequence.axes) > 1
+    if block_frames is None:
+        block_frames = int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, min(LONGEST_BLOCK, sequence.length)))
+    count = min(SNAPSHOTS, sequence.length) if images else 0
+    snapshots = (np.arange(1, count + 1) * sequence.length) // max(count, 1) - 1
+    key = jax.random.key(scenario.filter.seed)
+    first = jnp.asarray(sequence.read(0, 1)[0], jnp.float32)
+    surfaces = jnp.full((count, *cells.shape), -jnp.inf, jnp.float32)
+    carried = background.init(first), tracker.init(jax.random.fold_in(key, 2**31 - 1)), surfaces
+    kept = []
+    number = 0
+    for file_times, frames in sequence.blocks(block_frames):
+        frames = np.asarray(frames, np.float32)
+        if holds_power(scenario, sequence) and frames.min() < 0:
+            wrong = number + int(np.argmax(frames.reshape(len(frames), -1).min(axis=1) < 0))
+            raise InputError(f"{sequence.source}: frame {wrong} holds values below 0; expected power or envelope.")
+        used, missing = len(frames), block_frames - len(frames)
+        numbers = np.arange(number, number + used)
+        kept += list(frames[np.isin(numbers, snapshots)])
+        slots = np.where(np.isin(numbers, snapshots), np.searchsorted(snapshots, numbers), count)
+        # From the first frame: single precision resolves no day in frames of a video.
+        times = file_times - sequence.times[0]
+        padding = [(0, missing)]
+        carried, (estimates, rows) = _take_in(
+            background,
+            tracker,
+            cells,
+            carried,
+            (
+                jnp.asarray(np.pad(times, padding, mode="edge"), jnp.float32),
+                jnp.asarray(np.pad(frames, padding + [(0, 0)] * (frames.ndim - 1), mode="edge")),
+                jnp.asarray(np.pad(slots, padding, constant_values=count)),
+            ),
+            key,
+        )
+        estimates, rows = jax.tree.map(lambda values, used=used: np.asarray(values)[:used], (estimates, rows))
+        yield sequence_dataset(times, estimates, rows, sequence)
+        number += used
+    if images:
+        yield pictures_dataset(
+            sequence.times[snapshots] - sequence.times[0], np.stack(kept), np.asarray(carried[2]), sequence
+        )
+
+
+def cell_surface(belief: Belief, cells: Cells) -> Float[Array, "*cells"]:
+    r"""Log of the target likelihood ratio of every cell of a sensor (stone2002, eq. 28), summed over all else.
+
+    Parameters
+    ----------
+    belief : of particles, or on a grid.
+    cells : of the sensor.
+
+    Returns
+    -------
+    :math:`\log \left[ \frac{q}{1 - q} \sum_{i \in \text{cell}} w_i \right]`; minus infinity where no point lies.
+
+    Examples
+    --------
+    >>> from faintrack.axis import Axis
+    >>> from faintrack.targets.states import RangeState
+    >>> states = RangeState(jnp.array([0.2, 1.9, 2.1]), jnp.zeros(3))
+    >>> belief = Belief(states, jnp.log(jnp.array([0.5, 0.25, 0.25])), jnp.log(jnp.array(3.0)), jnp.array(0.0))
+    >>> jnp.exp(cell_surface(belief, Cells((("range", Axis(0.0, 1.0, 3)),)))).round(2).tolist()
+    [1.5, 0.0, 1.5]
+    """
+    place, inside = cells.nearest(belief.states)
+    shape = belief.log_weights.shape
+    weights = jnp.where(inside, jnp.exp(belief.log_weights), 0)
+    index = tuple(jnp.broadcast_to(each, shape).ravel() for each in place)
+    return belief.log_odds + jnp.log(jnp.zeros(cells.shape, weights.dtype).at[index].add(weights.ravel()))
+
+
+@eqx.filter_jit
+def _take_in(
+    background: Background,
+    tracker: SingleTargetTracker,
+    cells: Cells,
+    carried: tuple[Any, Following, Array],
+    block: tuple[Array, Array, Array],
+    key: Array,
+) -> tuple[tuple[Any, Following, Array], tuple[Estimate, dict[str, Array]]]:
+    """Memory, tracker and surfaces after a block; the estimates and, of profiles, the rows of the pictures."""
+
+    def advance(carried: Any, item: Any) -> Any:
+        memory, following, surfaces = carried
+        time, frame, slot = item
+        memory, scan, relative = background.step(memory, time, frame)
+        following, estimate = tracker.step(following, scan, key)
+        if len(cells.axes) == 1:
+            rows = {"record": relative, "surface": cell_surface(following.belief, cells)}
+            return (memory, following, surfaces), (estimate, rows)
+        surfaces = jax.lax.cond(
+            slot < len(surfaces),
+            lambda held: held.at[slot].set(cell_surface(following.belief, cells)),
+            lambda held: held,
+            surfaces,
+        )
+        return (memory, following, surfaces), (estimate, {})
+
+    return jax.lax.scan(advance, carried, block)

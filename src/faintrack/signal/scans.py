@@ -1,0 +1,91 @@
+"""From frames to what a likelihood of cells takes in, one frame after the other.
+
+Three ways, one for each thing that may be known of what is seen without a target: its level beforehand (`OverNoise`),
+nothing, but that a target moves over the scene (`OverScene`), or nothing, in the power of radar and sonar echoes
+(`OverClutter`). Each holds a memory, and each also tells what it made of a frame, for pictures.
+"""
+
+from typing import Any, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from faintrack.sensors.cells import CellScan
+from faintrack.signal.background import Whitening
+from faintrack.signal.clutter import ClutterScan, ClutterTracker
+
+
+@runtime_checkable
+class Background(Protocol):
+    """What is seen without a target, learned from frame to frame."""
+
+    def init(self, frame: Float[Array, "*cells"]) -> Any:
+        """Memory before the first frame, of which only shape and scale are taken."""
+
+    def step(
+        self, memory: Any, time: Float[Array, ""], frame: Float[Array, "*cells"]
+    ) -> tuple[Any, Any, Float[Array, "*cells"]]:
+        """Memory after a frame, the scan for the likelihood, and the frame relative to what is expected."""
+
+
+class OverNoise(eqx.Module):
+    """Frames over a level of the noise that is the same everywhere and known.
+
+    Attributes
+    ----------
+    noise : what the values are divided by; in the unit of the frames.
+
+    Examples
+    --------
+    >>> _, scan, _ = OverNoise(2.0).step(None, jnp.array(0.0), jnp.array([2.0, 6.0]))
+    >>> scan.values.tolist()
+    [1.0, 3.0]
+    """
+
+    noise: float = 1.0
+
+    def init(self, frame: Float[Array, "*cells"]) -> None:
+        """Nothing is remembered."""
+
+    def step(
+        self, memory: None, time: Float[Array, ""], frame: Float[Array, "*cells"]
+    ) -> tuple[None, CellScan, Float[Array, "*cells"]]:
+        """As `Background.step`."""
+        values = frame / self.noise
+        return None, CellScan(time, values), values
+
+
+class OverScene(eqx.Module):
+    """Frames whitened: residuals of mean 0 and variance 1, see `faintrack.signal.background`."""
+
+    whitening: Whitening
+
+    def init(self, frame: Float[Array, "y x"]) -> Any:
+        """Memory of a scene that was never seen."""
+        return self.whitening.init(frame.shape, frame.dtype)
+
+    def step(
+        self, memory: Any, time: Float[Array, ""], frame: Float[Array, "y x"]
+    ) -> tuple[Any, CellScan, Float[Array, "y x"]]:
+        """As `Background.step`."""
+        memory, residual, _ = self.whitening.step(memory, frame)
+        return memory, CellScan(time, residual), residual
+
+
+class OverClutter(eqx.Module):
+    """Power with a clutter level for every cell, see `faintrack.signal.clutter`."""
+
+    tracker: ClutterTracker
+
+    def init(self, frame: Float[Array, "*cells"]) -> Any:
+        """The same level everywhere, that of the frame's mean, hardly known."""
+        level = jnp.maximum(jnp.mean(frame), jnp.finfo(frame.dtype).tiny)
+        return self.tracker.init(jnp.full_like(frame, level))
+
+    def step(
+        self, memory: Any, time: Float[Array, ""], frame: Float[Array, "*cells"]
+    ) -> tuple[Any, ClutterScan, Float[Array, "*cells"]]:
+        """As `Background.step`."""
+        memory, used = self.tracker.step(memory, frame)
+        return memory, ClutterScan(time, frame, used), frame * used.shape / used.scale
