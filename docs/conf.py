@@ -46,6 +46,7 @@ sphinx_gallery_conf = {
             "plot_likelihoods.py",
             "plot_beam_pattern.py",
             "plot_infrasound_noise.py",
+            "plot_tenet.py",
             "plot_dim_aircraft.py",
         ]
     ),

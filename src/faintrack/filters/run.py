@@ -56,6 +56,7 @@ def run(
     scans: Any,
     key: PRNGKeyArray,
     keep: Callable[[Belief], Any] = lambda belief: belief,
+    start: Belief | None = None,
 ) -> tuple[Belief, Any, Float[Array, " scan"]]:
     """Filter a stack of scans.
 
@@ -66,6 +67,7 @@ def run(
     key : every scan makes its own key from it; the same key gives the same bits. A batch of runs is `jax.vmap` over
         keys or scans.
     keep : what to keep of the belief after each scan; all of it where not given.
+    start : belief before the first scan; what the filter begins with where not given.
 
     Returns
     -------
@@ -78,6 +80,6 @@ def run(
         belief, log_evidence = step(filter, likelihood, belief, scan, jax.random.fold_in(key, number))
         return belief, (keep(belief), log_evidence)
 
-    start = filter.init(jax.random.fold_in(key, count))
+    start = filter.init(jax.random.fold_in(key, count)) if start is None else start
     last, (kept, log_evidence) = jax.lax.scan(advance, start, (scans, jnp.arange(count)))
     return last, kept, log_evidence
