@@ -48,6 +48,7 @@ sphinx_gallery_conf = {
             "plot_infrasound_noise.py",
             "plot_tenet.py",
             "plot_dim_aircraft.py",
+            "plot_sea_clutter.py",
         ]
     ),
     "show_memory": False,
