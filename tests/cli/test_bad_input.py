@@ -143,6 +143,48 @@ def test_scenario_that_is_wrong(folder: Path, text: str, names: tuple[str, ...])
     refuse_track(folder, "good.wav", "--scenario", folder / "scenario.toml", names=("scenario.toml", *names))
 
 
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ('[frames]\ndims = ["time", "y"]\n', ("frames.npz", "(6, 9, 9)", "time, y")),
+        ('[frames]\ndims = ["x", "time", "bearing"]\n', ("frames.npz", "x, bearing", "y and x")),
+        ('[frames]\nvariable = "power"\n', ("frames.npz", "power", "frames")),
+        ('[frames]\nvariable = "four"\n', ("frames.npz", "four", "(2, 3, 4, 5)", "dims")),
+        ("[frames]\nframe_interval = 0.0\n", ("scenario.toml", "frames.frame_interval", "0")),
+        ("[frames]\nrate = 1.0\n", ("scenario.toml", "no field frames.rate")),
+        ("[frames]\n[cells]\nlevels = []\n", ("scenario.toml", "cells.levels")),
+        ('[frames]\n[cells]\namplitude = "rice"\n', ("scenario.toml", "cells.amplitude", "rice")),
+        ('[frames]\nbackground = "none"\n', ("frames.npz", "cells.amplitude is missing")),
+        ('[frames]\n[tracker]\nmethod = "cfar"\n', ("scenario.toml", "cfar", "bernoulli")),
+        ("[frames]\n[array]\n" + LINE, ("scenario.toml", "[frames]", "[array]")),
+        ('[filter]\nkind = "grid"\n', ("scenario.toml", "filter.kind", "[frames]")),
+    ],
+)
+def test_frames_that_do_not_fit_the_scenario(folder: Path, text: str, names: tuple[str, ...]) -> None:
+    np.savez(folder / "frames.npz", frames=np.ones((6, 9, 9)), four=np.ones((2, 3, 4, 5)))
+    if "variable" not in text:
+        np.savez(folder / "frames.npz", frames=np.ones((6, 9, 9)))
+    (folder / "scenario.toml").write_text(text)
+    refuse(folder, "track", folder / "frames.npz", "--scenario", folder / "scenario.toml", names=names)
+
+
+def test_frames_with_what_only_an_array_has(folder: Path) -> None:
+    np.savez(folder / "frames.npz", frames=np.ones((6, 9, 9)))
+    (folder / "scenario.toml").write_text("[frames]\n")
+    options = ("--scenario", folder / "scenario.toml", "--band", 100, 200)
+    refuse(folder, "track", folder / "frames.npz", *options, names=("scenario.toml", "--band"))
+    refuse(folder, "track", folder / "frames.npz", folder / "frames.npz", names=("2 files", "one file"))
+
+
+def test_recording_with_a_scenario_for_frames(folder: Path) -> None:
+    (folder / "scenario.toml").write_text("[frames]\n")
+    refuse(
+        folder,
+        *("track", folder / "good.wav", "--scenario", folder / "scenario.toml"),
+        names=("good.wav", "unknown kind of file", ".npz"),
+    )
+
+
 def test_scenario_that_is_missing(folder: Path) -> None:
     refuse_track(folder, "good.wav", "--scenario", folder / "none.toml", names=("none.toml",))
 

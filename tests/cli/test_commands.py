@@ -104,6 +104,28 @@ def test_an_earlier_result_is_replaced(tracked: Path) -> None:
     assert not list(tracked.glob("*.partial"))
 
 
+def test_frames_are_tracked_and_reported(tmp_path: Path) -> None:
+    power = np.random.default_rng(0).exponential(size=(30, 24)).astype(np.float32)
+    power[np.arange(10, 30), 4 + np.arange(20) // 2] *= 40
+    np.savez(tmp_path / "radar.npz", power=power, range=np.arange(24) * 15.0, time=np.arange(30) * 0.5)
+    done = call("track", tmp_path / "radar.npz", "--out", tmp_path / "result")
+    assert done.status == 0, done.err
+    header, row = (tmp_path / "result" / "tracks.csv").read_text().splitlines()
+    assert header == "label,start_s,end_s,range_start,range_end,speed,existence_max"
+    # The echo goes from 60 to 195 m, a cell of 15 m every second.
+    assert 5 <= float(row.split(",")[1]) < 9
+    assert abs(float(row.split(",")[4]) - 195) < 20
+    assert "1 tracks in 30 frames" in done.out
+    again = call("track", tmp_path / "radar.npz", "--scenario", tmp_path / "result" / "scenario.toml", "--json")
+    (track,) = json.loads(again.out)["tracks"]
+    assert ",".join(map(str, track.values())) == row
+    (tmp_path / "result" / "report.html").unlink()
+    assert call("report", tmp_path / "result").status == 0
+    text = (tmp_path / "result" / "report.html").read_text()
+    assert "1 track in radar.npz" in text
+    assert "24 cells, 0 to 345 m" in text
+
+
 @pytest.mark.parametrize("command", ["demo", "simulate", "track", "report", "bench"])
 def test_help_shows_an_example(command: str) -> None:
     done = call(command, "--help")

@@ -12,8 +12,8 @@ from faintrack.result import Result, positions
 ACROSS = 4
 """Images side by side."""
 
-DEPTH = 20.0
-"""Natural units below its peak down to which a surface is drawn."""
+PIXELS = 300
+"""Cells of a surface along each side of a small picture at most; of more the largest are drawn."""
 
 
 def draw_frames(result: Result) -> Figure:
@@ -35,7 +35,7 @@ def draw_frames(result: Result) -> Figure:
     if profiles:
         record, surface = (figure.add_subplot(rows[number, 0], sharex=below[0]) for number in range(2))
         draw_matrix(record, data.record, "value over\nwhat is expected")
-        draw_matrix(surface, data.surface, "log of the\nlikelihood ratio", DEPTH)
+        draw_matrix(surface, data.surface, "log of the\nlikelihood ratio")
         for axes in (record, surface):
             draw_path(axes, data, "time", names[0])
     else:
@@ -50,19 +50,20 @@ def draw_frames(result: Result) -> Figure:
 def draw_snapshots(figure: Figure, rows: GridSpec, data: xr.Dataset) -> None:
     """Images, then the surfaces after each of them; the target of the moment in a circle."""
     dims = tuple(map(str, data.frame.dims[1:]))
-    low, high = np.percentile(data.frame, [0.5, 99.8])
-    peak = float(data.surface.max())
+    steps = {name: -(-data.sizes[name] // PIXELS) for name in dims}
+    surface = data.surface.coarsen(steps, boundary="pad").max() if max(steps.values()) > 1 else data.surface
     bands = -(-data.sizes["snapshot"] // ACROSS)
-    for first, values, label, ends in (
-        (0, data.frame, "value in the file", (low, max(high, low + 1e-9))),
-        (bands, data.surface, "log of the likelihood\nratio of a cell", _below(peak)),
+    for first, values, label in (
+        (0, data.frame, "value in the file"),
+        (bands, surface, "log of the likelihood\nratio of a cell"),
     ):
+        low, high = _colours(values)
         panels = []
         for number, shot in enumerate(values):
             band, column = divmod(number, ACROSS)
             axes = figure.add_subplot(rows[first + band, column])
-            shown = np.maximum(shot.values, ends[0])
-            axes.imshow(shown, extent=_extent(data, dims), aspect="auto", cmap="cividis", vmin=ends[0], vmax=ends[1])
+            shown = np.maximum(shot.values, low)
+            axes.imshow(shown, extent=_extent(data, dims), aspect="auto", cmap="cividis", vmin=low, vmax=high)
             _mark(axes, data, float(shot.snapshot), dims)
             axes.set_title(f"{float(shot.snapshot):.4g} s", fontsize=9, pad=2)
             axes.tick_params(labelsize=7)
@@ -74,16 +75,13 @@ def draw_snapshots(figure: Figure, rows: GridSpec, data: xr.Dataset) -> None:
         figure.colorbar(panels[0].images[0], ax=panels, label=label, pad=0.01)
 
 
-def draw_matrix(axes: Axes, values: xr.DataArray, label: str, depth: float | None = None) -> None:
+def draw_matrix(axes: Axes, values: xr.DataArray, label: str) -> None:
     """Profiles over time; of long ones the largest value in each picture's column."""
     step = -(-values.sizes["time"] // COLUMNS)
     shown = values.astype(np.float32)
     shown = shown.coarsen(time=step, boundary="pad").max() if step > 1 else shown
     matrix = shown.values.T
-    finite = matrix[np.isfinite(matrix)]
-    low, high = np.percentile(finite, [1, 99.8]) if finite.size else (0.0, 1.0)
-    if depth is not None and finite.size:
-        low, high = finite.max() - depth, finite.max()
+    low, high = _colours(values)
     time, name = values.time.values, values.dims[1]
     half = (time[-1] - time[0]) / max(len(time) - 1, 1) / 2 or 0.5
     bottom, top = _ends(values[name].values)
@@ -94,7 +92,7 @@ def draw_matrix(axes: Axes, values: xr.DataArray, label: str, depth: float | Non
         extent=(time[0] - half, time[0] - half + 2 * half * step * matrix.shape[1], bottom, top),
         cmap="cividis",
         vmin=low,
-        vmax=max(high, low + 1e-9),
+        vmax=high,
         interpolation="nearest",
     )
     axes.set_xlim(time[0] - half, time[-1] + half)
@@ -137,7 +135,7 @@ def _mark(axes: Axes, data: xr.Dataset, time: float, dims: tuple[str, ...]) -> N
         mine = data.isel(time=np.flatnonzero((data.label == label) & (data.time <= time)))
         y, x = (mine[f"{name}_mean"].values for name in dims)
         axes.plot(x, y, color=TRACK, linewidth=0.8)
-        axes.plot(x[-1], y[-1], "o", markersize=11, markerfacecolor="none", markeredgecolor=TRACK, markeredgewidth=1.4)
+        axes.plot(x[-1], y[-1], "o", markersize=14, markerfacecolor="none", markeredgecolor=TRACK, markeredgewidth=1.2)
 
 
 def _extent(data: xr.Dataset, dims: tuple[str, ...]) -> tuple[float, float, float, float]:
@@ -147,9 +145,13 @@ def _extent(data: xr.Dataset, dims: tuple[str, ...]) -> tuple[float, float, floa
     return left, right, bottom, top
 
 
-def _below(peak: float) -> tuple[float, float]:
-    """Ends of the colours of a surface."""
-    return (peak - DEPTH, peak) if np.isfinite(peak) else (0.0, 1.0)
+def _colours(values: xr.DataArray) -> tuple[float, float]:
+    """Ends of the colours: nearly all of what frames hold; of a surface the upper part, its peaks included."""
+    finite = values.values[np.isfinite(values.values)].astype(float)
+    if not finite.size:
+        return 0.0, 1.0
+    low, high = np.percentile(finite, [30, 100] if values.name == "surface" else [1, 99.8])
+    return float(low), float(max(high, low + 1e-9))
 
 
 def _ends(values: np.ndarray) -> tuple[float, float]:

@@ -59,8 +59,11 @@ DEVIATIONS, POWERS = (2.0, 5.0, 12.0), (10.0,)
 WIDTH = 0.55
 """Of the spread in whitened images by default; cells. Beside its pixel a target then has a fifth of its level."""
 
+MEMORY = {"whiten": 30.0, "clutter": 200.0}
+"""Frames after which a background is forgotten by default."""
+
 LARGEST_GRID = 20_000_000
-"""Cells of a grid at most: each takes some twenty bytes, and a step a tenth of a microsecond."""
+"""Cells of a grid at most: each takes some fifty bytes, and about 0.2 microseconds a frame."""
 
 
 def background_kind(scenario: Scenario, sequence: Sequence) -> str:
@@ -90,13 +93,14 @@ def build_background(scenario: Scenario, sequence: Sequence) -> Background:
     assert table is not None
     if kind == "none":
         return OverNoise(scenario.cells.noise)
+    memory = MEMORY[kind] if table.memory is None else table.memory
     if kind == "clutter":
-        if table.memory < 1:
-            raise InputError(f"frames.memory is {table.memory:g}; expected at least 1 frame for background clutter.")
-        return OverClutter(ClutterTracker(1 - 1 / table.memory, neighbour=0.25, guard=1, train=4))
-    if 0 < table.memory <= Whitening.least:
-        raise InputError(f"frames.memory is {table.memory:g}; expected 0, or more than {Whitening.least:g} frames.")
-    whitening = Whitening(memory=table.memory)
+        if memory < 1:
+            raise InputError(f"frames.memory is {memory:g}; expected at least 1 frame for background clutter.")
+        return OverClutter(ClutterTracker(1 - 1 / memory, neighbour=0.25, guard=1, train=4))
+    if 0 < memory <= Whitening.least:
+        raise InputError(f"frames.memory is {memory:g}; expected 0, or more than {Whitening.least:g} frames.")
+    whitening = Whitening(memory=memory)
     if len(sequence.shape) != 2 or min(sequence.shape) <= whitening.outer:
         raise InputError(
             f"frames have shape {sequence.shape}; expected two axes with more than {whitening.outer} cells each "

@@ -128,14 +128,15 @@ class FramesTable(Table):
     background : "whiten", a scene of unknown brightness before which the target moves; "clutter", power of echoes with
         an unknown level in every cell; "none", noise of the level `cells.noise`. Where not given, "whiten" for images
         and "clutter" for all else.
-    memory : frames after which "whiten" and "clutter" forget; 0 with "whiten" remembers none.
+    memory : frames after which "whiten" and "clutter" forget; 0 with "whiten" remembers none. Where not given, 30 of
+        a scene, which moves, and 200 of clutter, whose level a target would otherwise raise.
     """
 
     variable: str | None = None
     dims: Annotated[tuple[str, ...], Field(strict=False)] | None = None
     frame_interval: float | None = Field(default=None, gt=0)
     background: Literal["whiten", "clutter", "none"] | None = None
-    memory: float = Field(default=30.0, ge=0)
+    memory: float | None = Field(default=None, ge=0)
 
 
 class CellsTable(Table):
