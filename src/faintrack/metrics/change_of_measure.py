@@ -44,7 +44,7 @@ def log_probability_under_noise(
     --------
     >>> found, error = log_probability_under_noise(np.array([True, True, True, False]), np.array([40.0, 42, 41, 3]))
     >>> round(found, 2), round(error, 2)
-    (-40.98, 0.56)
+    (-40.98, 0.59)
     """
     happened, log_ratio = np.asarray(happened, bool), np.asarray(log_ratio, float)
     if happened.ndim != 1 or happened.shape != log_ratio.shape or happened.size < 2:

@@ -90,7 +90,7 @@ def draw_scans(
     time: Float[Array, " frame"],
     states: object,
     present: Bool[Array, " frame"],
-    power: float,
+    power: Float[Array, ""] | float,
 ) -> CellScan:
     """Range profiles with a target of given mean power on a path.
 

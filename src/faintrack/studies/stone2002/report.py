@@ -26,9 +26,11 @@ from numpy.typing import ArrayLike
 from scipy.stats import norm
 
 from faintrack.errors import InputError
+from faintrack.metrics.accuracy import rmse
 from faintrack.metrics.change_of_measure import log_probability_under_noise
 from faintrack.metrics.intervals import binomial_interval, bootstrap_interval, quantile_interval
-from faintrack.studies.stone2002 import simulation
+from faintrack.studies.stone2002 import periscope, simulation, tenet
+from faintrack.studies.stone2002.settings import PERISCOPE_DB, periscope_name
 from faintrack.studies.study import Results, Row
 
 DETECTION = 0.93
@@ -43,7 +45,13 @@ BOOTSTRAPS = 400
 
 def rows(results: Results) -> list[Row]:
     """The study's numbers; a setting that has not run leaves its rows out."""
-    parts = (("straight", _peaks), ("ending", _false_alarms))
+    parts = (
+        ("straight", _peaks),
+        ("ending", _false_alarms),
+        (periscope_name(PERISCOPE_DB), _periscope),
+        ("tenet_detection", _tenet_detection),
+        ("tenet_grid", _tenet_challenge),
+    )
     return [row for name, part in parts if finished(results, name) is not None for row in part(results)]
 
 
@@ -163,3 +171,64 @@ def _log_any_cell_quiet() -> float:
     any case.
     """
     return simulation.CELLS * math.log1p(-false_alarm(1))
+
+
+def _periscope(results: Results) -> list[Row]:
+    """At the ratio of signal to clutter that is nearest to the paper's peak; then how the peak moves with it."""
+    found: list[Row] = []
+    peak, second = "highest likelihood ratio on the target's path", "highest likelihood ratio elsewhere"
+    data = results(periscope_name(PERISCOPE_DB))
+    log10_peak = data.peak.values / math.log(10)
+    found += _median("periscope_log10_peak", f"{peak}, log10", "1", 7.6, log10_peak)
+    found += _median("periscope_second_peak", second, "1", 7.6, np.exp(data.second_peak.values))
+    largest = float(np.exp(data.second_peak.values.max()))
+    found.append(Row("periscope_second_peak_largest", f"{second}, largest of all runs", "1", None, largest))
+    for scr_db in periscope.SCR_DB:
+        at = finished(results, periscope_name(scr_db))
+        if at is not None:
+            name = f"{peak}, log10, target {scr_db} dB over clutter"
+            found.append(_median(f"periscope_log10_peak_{scr_db}_db", name, "1", None, at.peak / math.log(10))[0])
+    return found
+
+
+def _tenet_detection(results: Results) -> list[Row]:
+    data = results("tenet_detection")
+    above = data.log_odds.values > 0
+    first = np.where(above.any(axis=1), above.argmax(axis=1), np.inf)
+    detected = int(np.isfinite(first).sum())
+    name = "first scan with an integrated likelihood ratio above 1, median"
+    bounds = quantile_interval(first, 0.5)
+    return [
+        Row("tenet_detection_scan", name, "scan", None, float(np.median(first)), bounds),
+        _share("tenet_detected", "share of runs that ever detect", detected, len(first)),
+        _lock("tenet_detection_lock", "share of runs within 3 pixels at t = 10", data),
+    ]
+
+
+def _tenet_challenge(results: Results) -> list[Row]:
+    found = []
+    for name, label in (("particle", "particles"), ("grid", "implicit grid")):
+        data = finished(results, f"tenet_{name}")
+        if data is None:
+            continue
+        locked = data.error.values[data.error.values[:, -1] < tenet.LOCK, tenet.SETTLED :]
+        if locked.size:
+
+            def all_scans(errors: np.ndarray) -> float:
+                return float(rmse(errors.ravel()))
+
+            low, high = bootstrap_interval(all_scans, locked, BOOTSTRAPS)
+            title = f"error of the position with lock, {label}, root mean square"
+            bounds = (float(low), float(high))
+            found.append(Row(f"tenet_rmse_{name}", title, "pixel", None, all_scans(locked), bounds))
+        found.append(_lock(f"tenet_lock_{name}", f"share of runs with lock, {label}", data))
+    return found
+
+
+def _lock(key: str, name: str, data: xr.Dataset) -> Row:
+    return _share(key, name, int((data.error.values[:, -1] < tenet.LOCK).sum()), data.sizes["run"])
+
+
+def _share(key: str, name: str, hits: int, runs: int) -> Row:
+    low, high = binomial_interval(hits, runs)
+    return Row(key, name, "1", None, hits / runs, (float(low), float(high)))
