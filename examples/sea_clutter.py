@@ -244,7 +244,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--draws", type=int, default=2000, help="segments of noise for each threshold")
+    parser.add_argument("--draws", type=int, default=1000, help="segments of noise for each threshold")
     options = parser.parse_args()
     if not options.folder.exists():
         parser.exit(0, f"{options.folder}: no recordings; nothing is measured.\n")
