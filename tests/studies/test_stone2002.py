@@ -11,9 +11,11 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from faintrack.errors import InputError
+from faintrack.likelihoods.clutter import ClutterLikelihood
 from faintrack.metrics.change_of_measure import log_probability_under_noise
 from faintrack.sensors.cells import CellScan
-from faintrack.studies.stone2002 import simulation, study
+from faintrack.signal.clutter import ClutterScan, Level
+from faintrack.studies.stone2002 import periscope, simulation, study, tenet
 from tests.tolerances import STANDARD_ERRORS, rounding
 
 
@@ -68,6 +70,49 @@ def test_a_probability_below_the_smallest_double() -> None:
 def test_a_single_run_has_no_standard_error() -> None:
     with pytest.raises(InputError, match=r"shapes \(1,\) and \(1,\); expected one value a run in each, at least two"):
         log_probability_under_noise(np.ones(1, bool), np.zeros(1))
+
+
+def test_periscope_follows_the_simplified_recursion() -> None:
+    rng = np.random.default_rng(2)
+    power = rng.exponential(size=(3, periscope.RANGES)).astype(np.float32)
+    level = Level(jnp.full(power.shape, 6.0), jnp.full(power.shape, 6.0))
+    likelihood = ClutterLikelihood(periscope.scene().cells, 2.0)
+    scans = ClutterScan(jnp.arange(3) * periscope.INTERVAL, jnp.asarray(power), level)
+    found, _ = jax.jit(periscope.follow)(scans, likelihood)
+    ratio = np.exp(np.asarray(jax.vmap(likelihood.table)(scans), float))
+    velocity = periscope.RATES.values
+    # Every state by itself: its prior in the first scan, then what has come from a feet before, and births.
+    expected = np.full((periscope.RANGES, len(velocity)), periscope.PRIOR / (1 - periscope.PRIOR))
+    expected *= ratio[0][:, None] / expected.size
+    for scan in (1, 2):
+        time = periscope.INTERVAL * scan
+        moved = np.full(expected.shape, periscope.BIRTH)
+        for number, v in enumerate(velocity):
+            shift = int(np.round(v * time) - np.round(v * (time - periscope.INTERVAL)))
+            for place in range(periscope.RANGES):
+                if 0 <= place - shift < periscope.RANGES:
+                    moved[place, number] += expected[place - shift, number]
+        expected = moved * ratio[scan][:, None]
+    np.testing.assert_allclose(np.exp(found[-1]), expected.sum(axis=1), rtol=1e-4)
+
+
+def test_a_window_that_moves_carries_its_weights_along() -> None:
+    weights = np.random.default_rng(3).normal(size=(1, 1, tenet.WINDOW, tenet.WINDOW)).astype(np.float32)
+    moved = np.asarray(tenet.shifted(jnp.asarray(weights), jnp.array([2, -3])))
+    np.testing.assert_array_equal(moved[..., :-2, 3:], weights[..., 2:, :-3])
+    assert np.all(np.isneginf(moved[..., -2:, :]))
+    assert np.all(np.isneginf(moved[..., :3]))
+
+
+def test_the_window_starts_with_the_gate() -> None:
+    grid = tenet.challenge().grid
+    assert grid is not None
+    weights = np.exp(grid.init(jax.random.key(0)).log_weights)
+    assert weights.sum() == pytest.approx(1, rel=1e-5)
+    over_place = weights.sum(axis=(0, 1, 3))
+    # Ten pixels between -0.5 and 0.5: nine whole ones, and halves at both ends.
+    inside = np.isclose(over_place, 0.1, rtol=1e-4).sum(), np.isclose(over_place, 0.05, rtol=1e-4).sum()
+    assert inside == (9, 2)
 
 
 def test_every_setting_has_a_name_of_its_own() -> None:

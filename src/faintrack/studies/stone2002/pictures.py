@@ -103,6 +103,7 @@ def _surfaces(run: xr.Dataset) -> list[Panel]:
             axis.scatter([truth], [simulation.VELOCITY], [np.nanmax(height) + 5], marker="v", color=TRUTH)
             axis.set(xlabel="position (cell)", ylabel="velocity (cells a scan)", zlabel="log ratio")
             axis.view_init(30, -65)
+            axis.set_box_aspect(None, zoom=0.82)
 
         return f"{number}: t = {time}", {"projection": "3d"}, draw
 
