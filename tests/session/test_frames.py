@@ -109,15 +109,30 @@ def test_a_target_in_clutter_of_unknown_level_is_followed(profile: Sequence, tmp
     xr.testing.assert_allclose(result.data.load(), track_frames(profile, what).data, rtol=1e-3, atol=1e-3)
 
 
-def test_particles_follow_where_a_doppler_axis_says_the_rate() -> None:
+def doppler(first: float, leaves: int = COUNT) -> Sequence:
+    """Power over 24 ranges and 11 rates, a fifth of a cell a frame apart; a target that goes 0.4 until it leaves."""
     axes = (("range", Axis(0.0, 1.0, 24)), ("range_rate", Axis(-1.0, 0.2, 11)))
-    rate = np.full(COUNT, 7.0)
-    sequence = from_frames(power((24, 11), 2.0 + 0.4 * TIME, rate), None, axes)
-    table = {"frames": {"background": "none"}, "cells": {"amplitude": "swerling1", "levels": [SNR]}}
-    result = track_frames(sequence, scenario(table, PARTICLES))
+    frames = power((24, 11), np.minimum(first + 0.4 * TIME, 23), np.full(COUNT, 7.0))
+    frames[leaves:] = power((24, 11), seed=1)[leaves:]
+    return from_frames(frames, None, axes)
+
+
+DOPPLER = {"frames": {"background": "none"}, "cells": {"amplitude": "swerling1", "levels": [SNR]}}
+
+
+def test_particles_follow_where_a_doppler_axis_says_the_rate() -> None:
+    result = track_frames(doppler(2.0), scenario(DOPPLER, PARTICLES))
     (track,) = result.tracks
     assert track.end["range"] == pytest.approx(2.0 + 0.4 * (COUNT - 1), abs=2)
     assert float(result.data.range_rate_mean[-1]) == pytest.approx(0.4, abs=0.15)
+
+
+def test_a_track_ends_where_its_target_leaves_the_frame() -> None:
+    leaves = 28
+    result = track_frames(doppler(23.4 - 0.4 * leaves, leaves), scenario(DOPPLER, PARTICLES))
+    (track,) = result.tracks
+    assert leaves - 4 < track.end_s < leaves + 5
+    assert result.data.range_mean.max() <= 23.5
 
 
 def test_the_surface_sums_points_into_cells() -> None:

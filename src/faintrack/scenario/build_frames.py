@@ -25,6 +25,7 @@ from faintrack.likelihoods.cells import (
 from faintrack.likelihoods.clutter import ClutterLikelihood
 from faintrack.likelihoods.heavy_tails import student
 from faintrack.likelihoods.unknown_level import UnknownLevel
+from faintrack.likelihoods.within import Within
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.cells import Cells
 from faintrack.sequence import Sequence
@@ -58,6 +59,9 @@ DEVIATIONS, POWERS = (2.0, 5.0, 12.0), (10.0,)
 
 WIDTH = 0.55
 """Of the spread in whitened images by default; cells. Beside its pixel a target then has a fifth of its level."""
+
+PLACES = 3
+"""Places of a spread target within a cell, along each axis, that particles tell apart; the cells of a grid have one."""
 
 MEMORY = {"whiten": 30.0, "clutter": 200.0}
 """Frames after which a background is forgotten by default."""
@@ -169,6 +173,7 @@ def build_frame_tracker(scenario: Scenario, sequence: Sequence) -> SingleTargetT
     carried: Filter
     if filter_table.kind == "particles":
         carried = BernoulliParticleFilter(target, filter_table.particles, filter_table.births)
+        likelihood: Likelihood = Within(build_cells(scenario, sequence, PLACES), Cells(sequence.axes))
     else:
         grid = Grid(kind, (*axes.items(), *rates.items()))
         if grid.size > LARGEST_GRID:
@@ -178,8 +183,7 @@ def build_frame_tracker(scenario: Scenario, sequence: Sequence) -> SingleTargetT
                 "expected fewer filter.speeds, or filter.kind particles."
             )
         carried = GridFilter(grid, target, separable(grid, motion, interval))
-    oversample = 3 if filter_table.kind == "particles" else 1
-    likelihood = build_cells(scenario, sequence, oversample)
+        likelihood = build_cells(scenario, sequence, oversample=1)
     return SingleTargetTracker(carried, likelihood, scenario.tracker.declare, scenario.tracker.drop)
 
 
