@@ -194,13 +194,16 @@ def _periscope(results: Results) -> list[Row]:
 def _tenet_detection(results: Results) -> list[Row]:
     data = results("tenet_detection")
     above = data.log_odds.values > 0
+    runs = np.flatnonzero(above.any(axis=1))
     first = np.where(above.any(axis=1), above.argmax(axis=1), np.inf)
-    detected = int(np.isfinite(first).sum())
+    detected = len(runs)
+    right = int((data.error.values[runs, first[runs].astype(int)] < tenet.LOCK).sum())
     name = "first scan with an integrated likelihood ratio above 1, median"
     bounds = quantile_interval(first, 0.5)
     return [
         Row("tenet_detection_scan", name, "scan", None, float(np.median(first)), bounds),
         _share("tenet_detected", "share of runs that ever detect", detected, len(first)),
+        _share("tenet_detection_right", "share of those within 3 pixels then", right, detected),
         _lock("tenet_detection_lock", "share of runs within 3 pixels at t = 10", data),
     ]
 
@@ -211,16 +214,14 @@ def _tenet_challenge(results: Results) -> list[Row]:
         data = finished(results, f"tenet_{name}")
         if data is None:
             continue
-        locked = data.error.values[data.error.values[:, -1] < tenet.LOCK, tenet.SETTLED :]
+        last = data.error.values[:, -1]
+        locked = last[last < tenet.LOCK]
         if locked.size:
-
-            def all_scans(errors: np.ndarray) -> float:
-                return float(rmse(errors.ravel()))
-
-            low, high = bootstrap_interval(all_scans, locked, BOOTSTRAPS)
-            title = f"error of the position with lock, {label}, root mean square"
-            bounds = (float(low), float(high))
-            found.append(Row(f"tenet_rmse_{name}", title, "pixel", None, all_scans(locked), bounds))
+            low, high = bootstrap_interval(rmse, locked, BOOTSTRAPS)
+            title = f"error of the position at the last scan with lock, {label}, root mean square"
+            found.append(
+                Row(f"tenet_rmse_{name}", title, "pixel", None, float(rmse(locked)), (float(low), float(high)))
+            )
         found.append(_lock(f"tenet_lock_{name}", f"share of runs with lock, {label}", data))
     return found
 
@@ -231,4 +232,4 @@ def _lock(key: str, name: str, data: xr.Dataset) -> Row:
 
 def _share(key: str, name: str, hits: int, runs: int) -> Row:
     low, high = binomial_interval(hits, runs)
-    return Row(key, name, "1", None, hits / runs, (float(low), float(high)))
+    return Row(key, name, "1", None, hits / max(runs, 1), (float(low), float(high)))
