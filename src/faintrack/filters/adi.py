@@ -101,7 +101,7 @@ def alternating_directions(
     >>> from faintrack.targets.states import RangeState
     >>> grid = Grid(RangeState, (("range", Axis(0.0, 1.0, 50)), ("range_rate", Axis(-1.0, 1.0, 3))))
     >>> alternating_directions(grid, 0.1, 1.0).flows[0].shape
-    (53, 3, 50)
+    (37, 3, 50)
     """
     pairs = [(grid.axes[place][1], grid.axes[rate][1]) for place, rate in grid.pairs]
     step = interval / substeps
