@@ -7,7 +7,7 @@ from faintrack.studies.study import Setting
 
 SNR_DB = (-34, -32, -31, -30, -28, -27, -26, -25, -20, -15)
 """Of scenario I."""
-QUICK_DB = (-32, -31, -27, -26, -15)
+QUICK_DB = (-34, -32, -31, -27, -26, -15)
 """Of those, what the quick study runs."""
 
 PER_SCAN = {"log_odds": ("scan", "method"), "error": ("scan", "method"), "bearing_std": ("scan", "method")}
@@ -40,9 +40,9 @@ SETTINGS = (
         )
         for snr_db in SNR_DB
     ),
-    Setting("noise", runs.noise, 30_000, 64, {"highest": ("method",)}, {}, runs.NOISE_SCANS),
+    Setting("noise", runs.noise, 30_000, 96, {"highest": ("method",)}, {}, runs.NOISE_SCANS),
     Setting("guided_15", runs.guided, 1000, 0, PER_SCAN, {"snr_db": -15}, runs.SCANS),
-    Setting("approach", runs.approach, 1000, 16, PER_SCAN, {}, len(runs.approach_snr_db()), batch=16),
+    Setting("approach", runs.approach, 1000, 8, PER_SCAN, {}, len(runs.approach_snr_db()), batch=8),
     *(
         Setting(
             f"variant_{name}_{'wald' if wald else 'scenario1'}",
