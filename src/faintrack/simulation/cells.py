@@ -7,6 +7,7 @@ lie anywhere, draw them from a likelihood with a finer `oversample` than the one
 
 from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
@@ -46,6 +47,7 @@ VALUES: dict[Amplitude, Callable[[PRNGKeyArray, Array], Array]] = {
 """What draws the values that an amplitude model is the ratio of."""
 
 
+@eqx.filter_jit
 def draw_scans(
     key: PRNGKeyArray,
     likelihood: CellLikelihood,
