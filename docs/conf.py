@@ -50,6 +50,7 @@ sphinx_gallery_conf = {
             "plot_dim_aircraft.py",
             "plot_sea_clutter.py",
             "plot_marine_radar.py",
+            "*",
         ]
     ),
     "show_memory": False,
