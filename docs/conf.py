@@ -39,6 +39,8 @@ napoleon_use_rtype = False
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
+    # The others are studies, which the pages import.
+    "ignore_pattern": r"/(?!plot_)[^/]+\.py$",
     "within_subsection_order": ExplicitOrder(
         [
             "plot_first_track.py",
@@ -50,7 +52,6 @@ sphinx_gallery_conf = {
             "plot_dim_aircraft.py",
             "plot_sea_clutter.py",
             "plot_marine_radar.py",
-            "*",
         ]
     ),
     "show_memory": False,

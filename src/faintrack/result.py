@@ -180,7 +180,7 @@ def sequence_dataset(
 
 
 def pictures_dataset(times: np.ndarray, frames: np.ndarray, surfaces: np.ndarray, sequence: Sequence) -> xr.Dataset:
-    """Some images of a sequence and the surfaces after them, both of shape (snapshot, *cells), without a time axis."""
+    """Some images of a sequence and the surfaces after them, both with a snapshot axis in place of time."""
     dims = ("snapshot", *dict(sequence.axes))
     coordinates = _coordinates(sequence)
     coordinates["snapshot"] = ("snapshot", times, {"units": "s", "long_name": "time from the first frame"})

@@ -19,7 +19,7 @@ class Sequence:
 
     Attributes
     ----------
-    read : function of (start, stop), frame numbers, to an array of shape (stop - start, *cells).
+    read : function of (start, stop), frame numbers, to an array of frames.
     times : of the frames, ascending; seconds.
     axes : name and values of each axis of a frame, in the order of the array; the names are components of a state.
     source : where the frames come from, for messages.
@@ -64,7 +64,7 @@ def from_frames(
 
     Parameters
     ----------
-    frames : shape (frame, *cells).
+    frames : as many axes as the cells have, after one of the frames.
     times : seconds; one second apart from 0 where not given.
     axes : as `Sequence.axes`; where not given the cells of an image (y, x), or of a profile (range), numbered from 0.
 

@@ -49,7 +49,7 @@ def read_sequence(
 
     Returns
     -------
-    Sequence whose `read` gives frames of shape (frame, *cells) in float32, or float64 where the file has it. Arrays
+    Sequence whose `read` gives frames in float32, or float64 where the file has it. Arrays
     named like an axis give its values, otherwise cells are numbered from 0; an axis with descending values is
     turned around. `read` raises InputError where a frame is damaged or holds NaN or infinity.
 

@@ -67,7 +67,7 @@ def draw_scans(
 
     Returns
     -------
-    Stack of frames, values of shape (frame, *cells).
+    Stack of frames; the first axis of the values is the frame.
 
     Raises
     ------

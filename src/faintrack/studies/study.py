@@ -40,7 +40,7 @@ class Setting:
     Attributes
     ----------
     name : within the study; part of the address of its runs.
-    run : function of (key, **parameters) to named arrays, of one run; at the top of a module.
+    run : function of a key and the parameters by name, to named arrays, of one run; at the top of a module.
     runs : in a full study.
     quick : runs of a quick one.
     axes : names of the axes of each array that `run` returns.
