@@ -40,7 +40,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
     # The others are studies, which the pages import.
-    "ignore_pattern": r"/(?!plot_)[^/]+\.py$",
+    "ignore_pattern": r"^(?!plot_).*\.py$",
     "within_subsection_order": ExplicitOrder(
         [
             "plot_first_track.py",
