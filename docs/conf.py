@@ -34,6 +34,8 @@ python_maximum_signature_line_length = 100
 napoleon_google_docstring = False
 napoleon_use_ivar = True
 napoleon_attr_annotations = False
+# Attributes of several classes share a name, as they should.
+suppress_warnings = ["ref.python"]
 napoleon_use_rtype = False
 
 sphinx_gallery_conf = {
