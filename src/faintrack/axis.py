@@ -1,5 +1,6 @@
-"""An axis with evenly spaced values: of a grid of states, or of a sensor's cells."""
+"""Axes with evenly spaced values, and what has several: a grid of states, a sensor's cells, frames."""
 
+import math
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -71,3 +72,29 @@ def between(low: float, high: float, count: int) -> Axis:
     """
     step = (high - low) / count
     return Axis(low + step / 2, step, count)
+
+
+class Lattice:
+    """What has cells along named axes; the names are components of a state.
+
+    Attributes
+    ----------
+    axes : name and values of each axis, in the order of the array.
+    """
+
+    axes: tuple[tuple[str, Axis], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the axes."""
+        return tuple(name for name, _ in self.axes)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of cells along each axis."""
+        return tuple(axis.count for _, axis in self.axes)
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return math.prod(self.shape)

@@ -16,7 +16,6 @@ in probability a cell. The density is that less the log of the cell's volume, an
 """
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,13 +24,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from faintrack.axis import Axis
+from faintrack.axis import Axis, Lattice
 from faintrack.belief import Belief
 from faintrack.errors import InputError
 
 
 @dataclass(frozen=True)
-class Grid:
+class Grid(Lattice):
     """Evenly spaced states.
 
     Attributes
@@ -59,30 +58,6 @@ class Grid:
         for name, _ in self.axes:
             if name not in known:
                 raise InputError(f"grid axis {name}: expected one of {', '.join(known)}.")
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the axes."""
-        return tuple(name for name, _ in self.axes)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Number of cells along each axis."""
-        return tuple(axis.count for _, axis in self.axes)
-
-    @property
-    def size(self) -> int:
-        """Number of cells."""
-        return math.prod(self.shape)
-
-    @property
-    def volume(self) -> float:
-        """Of a cell, in the product of the units of the axes."""
-        return math.prod(axis.step for _, axis in self.axes)
-
-    def axis(self, name: str) -> Axis:
-        """Axis of a component."""
-        return dict(self.axes)[name]
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faintrack.axis import Axis
+from faintrack.axis import Axis, Lattice
 from faintrack.errors import InputError
 
 
 @dataclass(frozen=True)
-class Sequence:
+class Sequence(Lattice):
     """Frames on one clock.
 
     Attributes
@@ -44,11 +44,6 @@ class Sequence:
     def length(self) -> int:
         """Number of frames."""
         return len(self.times)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Of a frame."""
-        return tuple(axis.count for _, axis in self.axes)
 
     def blocks(self, size: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield times and frames of consecutive blocks of `size` frames; the last may be shorter."""
@@ -85,8 +80,8 @@ def from_frames(
         if names is None:
             raise InputError(f"frames have shape {frames.shape}; expected (frame, y, x) or (frame, range), or axes.")
         axes = tuple((name, Axis(0.0, 1.0, count)) for name, count in zip(names, frames.shape[1:], strict=True))
-    if frames.shape != (len(times), *(axis.count for _, axis in axes)):
-        raise InputError(
-            f"frames have shape {frames.shape}; the times and axes {(len(times), *(axis.count for _, axis in axes))}."
-        )
-    return Sequence(lambda start, stop: frames[start:stop], times, axes)
+    sequence = Sequence(lambda start, stop: frames[start:stop], times, axes)
+    expected = (sequence.length, *sequence.shape)
+    if frames.shape != expected:
+        raise InputError(f"frames have shape {frames.shape}; the times and axes {expected}.")
+    return sequence

@@ -5,7 +5,6 @@ which cell a target lies in.
 """
 
 import functools
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,11 +12,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from faintrack.axis import Axis
+from faintrack.axis import Axis, Lattice
 
 
 @dataclass(frozen=True)
-class Cells:
+class Cells(Lattice):
     """Where the cells of a sensor lie.
 
     Attributes
@@ -31,21 +30,6 @@ class Cells:
     """
 
     axes: tuple[tuple[str, Axis], ...]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the axes, which are components of the state."""
-        return tuple(name for name, _ in self.axes)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Of a scan's values."""
-        return tuple(axis.count for _, axis in self.axes)
-
-    @property
-    def size(self) -> int:
-        """Number of cells."""
-        return math.prod(self.shape)
 
     def nearest(self, states: Any) -> tuple[tuple[Int[Array, "..."], ...], Bool[Array, "..."]]:
         """Index along every axis of the cell that each state lies in, and whether it lies in one.
