@@ -37,10 +37,8 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.axis import Axis
-from faintrack.filters.grid import Advance, in_steps
+from faintrack.filters.grid import Advance, Tabled, in_steps, left_the_grid
 from faintrack.grids import Grid
-
-Tabled = Array | np.ndarray
 
 NEGLIGIBLE = 1e-6
 """Share of a weight that is not carried to neighbours far away, but to the near ones in proportion."""
@@ -123,13 +121,8 @@ def _advance(
     number: Array | int,
 ) -> tuple[Array, Array]:
     """Weights after the step of one component and its rate, and what has left the grid; both linear."""
-    reach = flow.shape[0] // 2
-    lost = jnp.zeros((), weights.dtype)
-    for edge in (slice(None, reach), slice(-reach, None)) if 2 * reach < weights.shape[place] else (slice(None),):
-        front = jnp.moveaxis(weights, (rate, place), (0, 1))[:, edge]
-        gone = jnp.asarray(leaving, weights.dtype)[:, edge]
-        lost = lost + jnp.sum(front.sum(axis=tuple(range(2, front.ndim))) * gone)
-    return _from_neighbours(spread, _from_neighbours(flow, weights, place, rate), rate, place), lost
+    moved = _from_neighbours(spread, _from_neighbours(flow, weights, place, rate), rate, place)
+    return moved, left_the_grid(weights, place, rate, leaving)
 
 
 def _from_neighbours(

@@ -28,6 +28,7 @@ from typing import Any, Protocol, runtime_checkable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.belief import Belief
@@ -35,6 +36,7 @@ from faintrack.grids import Grid
 from faintrack.targets.target import Target
 
 Advance = Callable[[Array, Array], tuple[Array, Array]]
+Tabled = Array | np.ndarray
 
 
 @runtime_checkable
@@ -148,3 +150,18 @@ def in_steps(
 
         weights, lost = jax.lax.fori_loop(0, count, again, (weights, lost))
     return jnp.log(weights) + peak, jnp.log(lost) + peak
+
+
+def left_the_grid(
+    weights: Float[Array, "*cells"], place: int, rate: int, leaving: Float[Tabled, "rate place"]
+) -> Float[Array, ""]:
+    """Weight that one step of a component carries off the grid.
+
+    Parameters
+    ----------
+    weights : before the step.
+    place, rate : numbers of the axes of the component and of its rate.
+    leaving : probability of leaving the grid in the step.
+    """
+    front = jnp.moveaxis(weights, (rate, place), (0, 1))
+    return jnp.sum(front.sum(axis=tuple(range(2, front.ndim))) * jnp.asarray(leaving, weights.dtype))

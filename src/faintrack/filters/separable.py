@@ -29,14 +29,12 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from scipy.special import ndtr
 
 from faintrack.axis import Axis
-from faintrack.filters.grid import in_steps
+from faintrack.filters.grid import Tabled, in_steps, left_the_grid
 from faintrack.grids import Grid
 from faintrack.targets.motion import Step
 
 POINTS = 64
 """Velocities within a cell over which the kernel is averaged."""
-
-Tabled = Array | np.ndarray
 
 NEGLIGIBLE = 1e-9
 """Probability of a displacement that is left out of the kernel."""
@@ -79,12 +77,11 @@ def _advance(
 ) -> tuple[Array, Array]:
     """Weights after the step of one component, and what has left the grid; both linear."""
     front = jnp.moveaxis(weights, (rate, place), (0, 1))
-    lost = jnp.sum(front.sum(axis=tuple(range(2, front.ndim))) * jnp.asarray(leaving, weights.dtype))
     count, reach = front.shape[1], kernel.shape[1] // 2
     padded = jnp.pad(front, ((0, 0), (reach, reach), *[(0, 0)] * (front.ndim - 2)))
     shifted = jnp.stack([padded[:, 2 * reach - d : 2 * reach - d + count] for d in range(2 * reach + 1)])
     moved = jnp.tensordot(jnp.asarray(kernel, weights.dtype), shifted, axes=((1, 2), (0, 1)))
-    return jnp.moveaxis(moved, (0, 1), (rate, place)), lost
+    return jnp.moveaxis(moved, (0, 1), (rate, place)), left_the_grid(weights, place, rate, leaving)
 
 
 def separable(grid: Grid, motion: Any, interval: float) -> Separable:
