@@ -22,15 +22,15 @@ from faintrack.axis import Axis
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import run
 from faintrack.likelihoods.cells import CellLikelihood, rayleigh
-from faintrack.sensors.cells import Cells
+from faintrack.sensors.cells import Cells, cell_surface
 from faintrack.simulation.cells import draw_scans
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target, UniformBirth
 
 SNR, SCANS, POINTS = 10.9, 11, 100_000
-x_axis, y_axis = Axis(-1.5, 0.1, 61), Axis(-3.0, 0.1, 61)
-likelihood = CellLikelihood(Cells((("y", y_axis), ("x", x_axis))), rayleigh, SNR)
+pixels = Cells((("y", Axis(-3.0, 0.1, 61)), ("x", Axis(-1.5, 0.1, 61))))
+likelihood = CellLikelihood(pixels, rayleigh, SNR)
 motion = PlanarMotion(velocity_noise=np.sqrt(5e-4))
 
 
@@ -57,22 +57,12 @@ birth = UniformBirth(corner(-1.5, -3.0, -0.5, -0.6), corner(4.5, 3.0, 0.7, 0.6))
 target = Target(birth, motion, arrival_rate=0.0, departure_rate=0.0)
 
 
-velocity_axes = Axis(-0.6, 0.03, 41), Axis(-0.5, 0.03, 41)
-
-
-def counted(belief, *places):
-    """Weight of the points in every cell of two axes."""
-    (first, second), (row, column) = (axis for axis, _ in places), (axis.nearest(values) for axis, values in places)
-    weights = jnp.exp(belief.log_weights)
-    return jnp.zeros((first.count, second.count)).at[row, column].add(weights, mode="drop")
+velocity_cells = Cells((("vy", Axis(-0.6, 0.03, 41)), ("vx", Axis(-0.5, 0.03, 41))))
 
 
 def kept(belief):
-    """Weights in the pixels and in cells of velocity, and the log odds."""
-    states = belief.states
-    place = counted(belief, (y_axis, states.y), (x_axis, states.x))
-    velocity = counted(belief, (velocity_axes[0], states.vy), (velocity_axes[1], states.vx))
-    return place, velocity, belief.log_odds
+    """Log likelihood ratio of the pixels and of cells of velocity, and the log odds."""
+    return cell_surface(belief, pixels), cell_surface(belief, velocity_cells), belief.log_odds
 
 
 filter = BernoulliParticleFilter(target, POINTS, births=1)
@@ -96,18 +86,22 @@ LOWEST = -14.0
 shown = (0, 2, 4, 8)
 figure, axes = plt.subplots(2, len(shown), figsize=(11, 5.6), layout="constrained")
 for column, scan in enumerate(shown):
-    for row, (weights, (down, across), at, unit) in enumerate(
+    for row, (surfaces, cells, at, unit) in enumerate(
         (
-            (places[scan], (y_axis, x_axis), (truth.x, truth.y), "position"),
-            (velocities[scan], velocity_axes, (truth.vx, truth.vy), "velocity"),
+            (places, pixels, (truth.x, truth.y), "position"),
+            (velocities, velocity_cells, (truth.vx, truth.vy), "velocity"),
         )
     ):
-        panel = axes[row, column]
-        weights = np.asarray(weights)
-        surface = np.where(weights > 0, np.log(np.maximum(weights, 1e-30)) + float(log_odds[scan]), LOWEST)
+        panel, (down, across) = axes[row, column], (axis for _, axis in cells.axes)
         extent = (across.edges[0], across.edges[-1], down.edges[0], down.edges[-1])
         image = panel.imshow(
-            surface, origin="lower", extent=extent, cmap="cividis", vmin=LOWEST, vmax=30, aspect="equal"
+            np.maximum(surfaces[scan], LOWEST),
+            origin="lower",
+            extent=extent,
+            cmap="cividis",
+            vmin=LOWEST,
+            vmax=30,
+            aspect="equal",
         )
         panel.plot(at[0][scan], at[1][scan], marker="*", color="white", markeredgecolor="black", markersize=12)
         panel.set(xlabel=f"x {unit}", title=f"scan {scan}" if row == 0 else None)

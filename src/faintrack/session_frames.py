@@ -13,14 +13,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from faintrack.belief import Belief
 from faintrack.errors import InputError, naming
 from faintrack.result import Result, pictures_dataset, sequence_dataset
 from faintrack.scenario.build_frames import build_background, build_frame_tracker, holds_power
 from faintrack.scenario.model import FramesTable, Scenario
-from faintrack.sensors.cells import Cells
+from faintrack.sensors.cells import Cells, cell_surface
 from faintrack.sequence import Sequence
 from faintrack.session import BLOCK_BYTES, LONGEST_BLOCK, collect
 from faintrack.signal.scans import Background
@@ -112,34 +111,6 @@ def track_frame_blocks(sequence: Sequence, scenario: Scenario, block_frames: int
         yield pictures_dataset(
             sequence.times[snapshots] - sequence.times[0], np.stack(kept), np.asarray(carried[2]), sequence
         )
-
-
-def cell_surface(belief: Belief, cells: Cells) -> Float[Array, "*cells"]:
-    r"""Log of the target likelihood ratio of every cell of a sensor (stone2002, eq. 28), summed over all else.
-
-    Parameters
-    ----------
-    belief : of particles, or on a grid.
-    cells : of the sensor.
-
-    Returns
-    -------
-    :math:`\log \left[ \frac{q}{1 - q} \sum_{i \in \text{cell}} w_i \right]`; minus infinity where no point lies.
-
-    Examples
-    --------
-    >>> from faintrack.axis import Axis
-    >>> from faintrack.targets.states import RangeState
-    >>> states = RangeState(jnp.array([0.2, 1.9, 2.1]), jnp.zeros(3))
-    >>> belief = Belief(states, jnp.log(jnp.array([0.5, 0.25, 0.25])), jnp.log(jnp.array(3.0)), jnp.array(0.0))
-    >>> jnp.exp(cell_surface(belief, Cells((("range", Axis(0.0, 1.0, 3)),)))).round(2).tolist()
-    [1.5, 0.0, 1.5]
-    """
-    place, inside = cells.nearest(belief.states)
-    shape = belief.log_weights.shape
-    weights = jnp.where(inside, jnp.exp(belief.log_weights), 0)
-    index = tuple(jnp.broadcast_to(each, shape).ravel() for each in place)
-    return belief.log_odds + jnp.log(jnp.zeros(cells.shape, weights.dtype).at[index].add(weights.ravel()))
 
 
 @eqx.filter_jit

@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 from faintrack.axis import Axis
+from faintrack.belief import Belief
 from faintrack.errors import InputError
 from faintrack.likelihoods.cells import (
     CellLikelihood,
@@ -19,7 +20,7 @@ from faintrack.likelihoods.cells import (
     swerling0,
     swerling1,
 )
-from faintrack.sensors.cells import Cells, CellScan
+from faintrack.sensors.cells import Cells, CellScan, cell_surface
 from faintrack.simulation.cells import draw_scans
 from faintrack.targets.states import PlanarState, RangeState
 from tests.tolerances import assert_equal, assert_mean
@@ -176,6 +177,17 @@ def test_levels_of_several_targets_add() -> None:
         within = np.maximum(np.abs(rows - near[0]), np.abs(columns - near[1])) <= 1
         expected += 5.0 * within * np.exp(-((rows - row) ** 2 + (columns - column) ** 2) / 2)
     assert_mean(scans.values, expected)
+
+
+def test_the_surface_sums_points_into_cells(dtype: type) -> None:
+    """Two points in one cell, one in another, and two beyond either end of an axis, which are in none."""
+    x, y = jnp.array([0.0, 2.0, 1.5, 9.1, 4.0], dtype), jnp.array([1.0, 0.0, 0.4, 0.0, -1.0], dtype)
+    states = PlanarState(x, y, jnp.zeros_like(x), jnp.zeros_like(y))
+    weights = jnp.log(jnp.array([0.5, 0.125, 0.125, 0.125, 0.125], dtype))
+    found = jnp.exp(cell_surface(Belief(states, weights, jnp.log(jnp.array(2.0, dtype)), jnp.zeros((), dtype)), IMAGE))
+    expected = np.zeros(IMAGE.shape)
+    expected[1, 0], expected[0, 1] = 1.0, 0.5
+    assert_equal(found, expected, dtype, OPERATIONS)
 
 
 def test_what_cannot_be_used_is_said() -> None:

@@ -3,21 +3,17 @@
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
 
 from faintrack.axis import Axis
-from faintrack.belief import Belief
 from faintrack.errors import InputError
 from faintrack.io.results import read_result, result_folder, write_result
 from faintrack.result import joined
 from faintrack.scenario import Scenario
-from faintrack.sensors.cells import Cells
 from faintrack.sequence import Sequence, from_frames
-from faintrack.session_frames import cell_surface, track_frame_blocks, track_frames
-from faintrack.targets.states import PlanarState
+from faintrack.session_frames import track_frame_blocks, track_frames
 
 APPEARS, COUNT, SNR = 12, 40, 6.0
 """Frame in which the target appears; number of frames; its mean power over that of the noise in each, 7.8 dB."""
@@ -133,14 +129,6 @@ def test_a_track_ends_where_its_target_leaves_the_frame() -> None:
     (track,) = result.tracks
     assert leaves - 4 < track.end_s < leaves + 5
     assert result.data.range_mean.max() <= 23.5
-
-
-def test_the_surface_sums_points_into_cells() -> None:
-    still = jnp.zeros(3)
-    states = PlanarState(x=jnp.array([0.0, 1.0, 7.0]), y=jnp.array([1.0, 0.0, 0.0]), vx=still, vy=still)
-    belief = Belief(states, jnp.log(jnp.array([0.5, 0.25, 0.25])), jnp.log(jnp.array(2.0)), jnp.array(0.0))
-    found = jnp.exp(cell_surface(belief, Cells((("y", Axis(0.0, 1.0, 2)), ("x", Axis(0.0, 1.0, 2))))))
-    np.testing.assert_allclose(found, [[0.0, 0.5], [1.0, 0.0]], rtol=1e-6)
 
 
 IMAGES, PROFILES = from_frames(np.ones((4, 12, 12))), from_frames(np.ones((4, 12)))

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.axis import Axis, Lattice
+from faintrack.belief import Belief
 
 
 @dataclass(frozen=True)
@@ -54,3 +55,30 @@ class CellScan(eqx.Module):
 
     time: Float[Array, "*frame"]
     values: Float[Array, "..."]
+
+
+def cell_surface(belief: Belief, cells: Cells) -> Float[Array, "*cells"]:
+    r"""Log of the target likelihood ratio of every cell of a sensor (stone2002, eq. 28), summed over all else.
+
+    Parameters
+    ----------
+    belief : of particles, or on a grid.
+    cells : of the sensor.
+
+    Returns
+    -------
+    :math:`\log \left[ \frac{q}{1 - q} \sum_{i \in \text{cell}} w_i \right]`; minus infinity where no point lies.
+
+    Examples
+    --------
+    >>> from faintrack.targets.states import RangeState
+    >>> states = RangeState(jnp.array([0.2, 1.9, 2.1]), jnp.zeros(3))
+    >>> belief = Belief(states, jnp.log(jnp.array([0.5, 0.25, 0.25])), jnp.log(jnp.array(3.0)), jnp.array(0.0))
+    >>> jnp.exp(cell_surface(belief, Cells((("range", Axis(0.0, 1.0, 3)),)))).round(2).tolist()
+    [1.5, 0.0, 1.5]
+    """
+    place, inside = cells.nearest(belief.states)
+    shape = belief.log_weights.shape
+    weights = jnp.where(inside, jnp.exp(belief.log_weights), 0)
+    index = tuple(jnp.broadcast_to(each, shape).ravel() for each in place)
+    return belief.log_odds + jnp.log(jnp.zeros(cells.shape, weights.dtype).at[index].add(weights.ravel()))
