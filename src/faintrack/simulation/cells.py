@@ -29,7 +29,7 @@ def swerling1_value(key: PRNGKeyArray, level: Float[Array, "*cells"]) -> Float[A
 
 def swerling0_value(key: PRNGKeyArray, level: Float[Array, "*cells"]) -> Float[Array, "*cells"]:
     """Power of a constant amplitude in complex Gaussian noise of power 1; mean 1 + `level`."""
-    parts = jax.random.normal(key, (2, *level.shape), level.dtype) * 0.5**0.5
+    parts = jax.random.normal(key, (2 * level.size,), level.dtype).reshape(2, *level.shape) * 0.5**0.5
     return (jnp.sqrt(level) + parts[0]) ** 2 + parts[1] ** 2
 
 
