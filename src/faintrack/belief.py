@@ -137,10 +137,28 @@ def mean(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Any:
     def average(name: str, values: Array) -> Array:
         if name in belief.states.angles:
             sine, cosine = sine_cosine(values)
-            return jnp.arctan2(jnp.sum(weights * sine), jnp.sum(weights * cosine))
-        return jnp.sum(weights * values)
+            return jnp.arctan2(_expected(weights, sine), _expected(weights, cosine))
+        return _expected(weights, values)
 
     return _by_component(belief.states, average)
+
+
+def standard_deviation(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Any:
+    """Standard deviation of every component about `mean`; angles by the shorter way round.
+
+    Parameters and shapes as in `mean`.
+
+    Examples
+    --------
+    >>> from faintrack.targets.states import RangeState
+    >>> belief = Belief(RangeState(jnp.array([1.0, 3.0]), jnp.zeros(2)), jnp.log(jnp.full(2, 0.5)), jnp.array(0.0),
+    ...                 jnp.array(0.0))
+    >>> float(standard_deviation(belief).range)
+    1.0
+    """
+    weights = jnp.exp(belief.log_weights) if weights is None else weights
+    off = _off_mean(belief, weights)
+    return _by_component(off, lambda _, values: jnp.sqrt(_expected(weights, values**2)))
 
 
 def covariance(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Float[Array, "component component"]:
@@ -157,16 +175,9 @@ def covariance(belief: Belief, weights: Float[Array, "*points"] | None = None) -
     1.0
     """
     weights = jnp.exp(belief.log_weights) if weights is None else weights
-    middle = mean(belief, weights)
-
-    def deviation(name: str, values: Array) -> Array:
-        off = values - getattr(middle, name)
-        if name in belief.states.angles:
-            off = jnp.arctan2(jnp.sin(off), jnp.cos(off))
-        return jnp.broadcast_to(off, belief.log_weights.shape).ravel()
-
-    off = jnp.stack([deviation(field.name, getattr(belief.states, field.name)) for field in _fields(belief.states)])
-    return (off * weights.ravel()) @ off.T
+    state = _off_mean(belief, weights)
+    off = [getattr(state, field.name) for field in _fields(state)]
+    return jnp.stack([jnp.stack([_expected(weights, first * second) for second in off]) for first in off])
 
 
 def mode(belief: Belief) -> Any:
@@ -185,6 +196,28 @@ def mode(belief: Belief) -> Any:
     return _by_component(
         belief.states, lambda _, values: jnp.broadcast_to(values, belief.log_weights.shape).ravel()[best]
     )
+
+
+def _expected(weights: Float[Array, "*points"], values: Float[Array, "..."]) -> Float[Array, ""]:
+    """Sum of weights times values.
+
+    Weights are first summed along the axes that the values do not depend on: a component of a grid then costs one
+    product for each of its own cells.
+    """
+    shape = (1,) * (weights.ndim - values.ndim) + values.shape
+    same = tuple(axis for axis, count in enumerate(shape) if count == 1)
+    return jnp.sum(jnp.sum(weights, axis=same, keepdims=True) * values)
+
+
+def _off_mean(belief: Belief, weights: Float[Array, "*points"]) -> Any:
+    """State less `mean`; angles by the shorter way round."""
+    middle = mean(belief, weights)
+
+    def deviation(name: str, values: Array) -> Array:
+        off = values - getattr(middle, name)
+        return jnp.arctan2(jnp.sin(off), jnp.cos(off)) if name in belief.states.angles else off
+
+    return _by_component(belief.states, deviation)
 
 
 def _fields(state: Any) -> tuple[dataclasses.Field, ...]:

@@ -10,13 +10,13 @@ import pytest
 from scipy.linalg import solve
 
 from faintrack.axis import Axis
-from faintrack.belief import Belief, covariance, mean
+from faintrack.belief import Belief, covariance, mean, standard_deviation
 from faintrack.filters.grid import GridFilter, in_steps
 from faintrack.filters.run import run
 from faintrack.filters.separable import separable
 from faintrack.grids import Grid, highest_density, marginal, refined_mode
 from faintrack.targets.motion import PlanarMotion
-from faintrack.targets.states import PlanarState, RangeState
+from faintrack.targets.states import BearingState, PlanarState, RangeState
 from faintrack.targets.target import Target, rates
 from tests.exact.test_sum_over_paths import APPEARS, CELLS, JUMPS, RATIO, SCANS, STAYS, CellScan, every_path
 from tests.tolerances import assert_equal
@@ -115,6 +115,31 @@ def test_marginals_and_densest_cells_are_direct_sums() -> None:
     densest = np.asarray(highest_density(belief, 0.5))
     assert weights[densest].sum() >= 0.5 > weights[densest].sum() - weights[densest].min()
     assert weights[densest].min() > weights[~densest].max()
+
+
+def test_mean_and_covariance_are_direct_sums(dtype: type) -> None:
+    """Over all cells; the spread is a difference of values up to 5."""
+    weights = np.random.default_rng(0).exponential(size=PLANE.shape)
+    weights /= weights.sum()
+    states = PLANE.states(dtype)
+    belief = Belief(states, jnp.log(jnp.asarray(weights, dtype)), jnp.zeros((), dtype), jnp.zeros((), dtype))
+    cells = np.stack([np.broadcast_to(values, PLANE.shape).ravel() for values in jax.tree.leaves(states)])
+    expected = np.cov(cells, aweights=weights.ravel(), ddof=0)
+    assert_equal(jax.tree.leaves(mean(belief)), cells @ weights.ravel(), dtype, 100, scale=5.0)
+    assert_equal(covariance(belief), expected, dtype, 100, scale=5.0)
+    assert_equal(jax.tree.leaves(standard_deviation(belief)), np.sqrt(np.diag(expected)), dtype, 100, scale=5.0)
+
+
+def test_directions_on_a_grid_are_those_of_its_cells_as_points(dtype: type) -> None:
+    """Bearings on both sides of pi."""
+    grid = Grid(BearingState, (("bearing", Axis(2.8, 0.1, 7)), ("snr_db", Axis(-5.0, 1.0, 4))))
+    weights = jnp.asarray(np.random.default_rng(0).dirichlet(np.ones(grid.size)).reshape(grid.shape), dtype)
+    belief = Belief(grid.states(dtype), jnp.log(weights), jnp.zeros((), dtype), jnp.zeros((), dtype))
+    points = jax.tree.map(lambda values: jnp.broadcast_to(values, grid.shape).ravel(), belief.states)
+    listed = Belief(points, belief.log_weights.ravel(), belief.log_odds, belief.time)
+    for estimate in (mean, standard_deviation, covariance):
+        found, expected = (np.array(jax.tree.leaves(estimate(each))) for each in (belief, listed))
+        assert_equal(found, expected, dtype, 100, scale=5.0)
 
 
 def test_the_peak_of_a_normal_density_is_found_between_cells(float64: type) -> None:

@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.belief import Belief, covariance, mean
+from faintrack.belief import Belief, mean, standard_deviation
 from faintrack.filters.run import Filter, Likelihood, step
 
 
@@ -110,16 +110,13 @@ class SingleTargetTracker(eqx.Module):
 
         mine = owned(active, declared)
         share = mine.sum()
-        middle = mean(belief, mine / share)
-        deviation = jnp.sqrt(jnp.maximum(jnp.diag(covariance(belief, mine / share)), 0))
-        std = jax.tree.unflatten(jax.tree.structure(middle), list(deviation))
         estimate = Estimate(
             belief.time,
             belief.existence,
             jnp.where(active, label, 0),
             belief.existence * jnp.minimum(share, 1),
-            middle,
-            std,
+            mean(belief, mine / share),
+            standard_deviation(belief, mine / share),
             log_evidence,
         )
         return Following(belief, label, active, declared, following.scans + 1), estimate
