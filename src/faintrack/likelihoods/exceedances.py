@@ -1,0 +1,189 @@
+r"""Returns of an active sonar: bins whose power exceeded a threshold, and all those that did not.
+
+The power of every bin is exponential, with mean 1 without a target and :math:`\mu_k = 1 + s\, h_k` with one
+(`faintrack.sensors.active`). Only bins above the threshold :math:`\eta` are reported, with their power; of the others
+it is known that they lie below. With :math:`\mathbf k` the bins that are reported (aughenbaugh2010, eq. 25-29),
+
+.. math::
+    \log \ell(y | x) = \sum_{k} \log \frac{1 - e^{-\eta / \mu_k}}{1 - e^{-\eta}}
+    + \sum_{k \in \mathbf k} \left[ -\log \mu_k + z_k \left(1 - \frac{1}{\mu_k}\right)
+    - \log \frac{1 - e^{-\eta / \mu_k}}{1 - e^{-\eta}} \right] .
+
+Only bins that the target reaches have a term. The first sum does not depend on the returns: it repeats from bin to bin,
+but for bins near the ends, and is tabulated over the place within a bin.
+"""
+
+import itertools
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from faintrack.errors import InputError
+from faintrack.sensors.active import ActiveSonar, Ping
+
+NODES = 8
+"""Places within a bin at which the sum over quiet bins is tabulated; straight lines in between."""
+
+Real = Float[Array, "..."]
+
+
+class ExceedanceLikelihood(eqx.Module):
+    """Log ratio of the returns of one ping.
+
+    Attributes
+    ----------
+    sonar : bins and response.
+    snr : mean power of a target's echo over that of the noise, s; linear.
+    threshold : eta, over the mean power of the noise; linear.
+    quiet : the sum over quiet bins by class of delay, place in the delay bin and in the beam, class of Doppler, place
+        in the Doppler bin.
+
+    Raises
+    ------
+    InputError : a threshold that is not above 0, or an SNR below 0.
+
+    Examples
+    --------
+    >>> from faintrack.axis import Axis
+    >>> from faintrack.sensors.active import Pulse, ping
+    >>> from faintrack.sensors.bistatic import Bistatic, fixed
+    >>> pair = Bistatic(fixed(0.0, 0.0), fixed(0.0, 0.0))
+    >>> sonar = ActiveSonar(Pulse(2000.0, 1.0), Axis(4.0, 0.5, 40), 72, 0.0873, Axis(-30.0, 0.5, 121), pair)
+    >>> likelihood = ExceedanceLikelihood(sonar, snr=9.0, threshold=8.0)
+    >>> heard = ping(sonar, 0.0, np.array([[16, 0, 60]]), np.array([20.0]), capacity=4)
+    >>> states = fixed(9000.0, 0.0), fixed(0.0, 9000.0)
+    >>> [round(float(likelihood.log_ratio(heard, state)), 1) for state in states]
+    [12.8, -3.5]
+    """
+
+    sonar: ActiveSonar
+    snr: Float[Array, ""]
+    threshold: float = eqx.field(static=True)
+    quiet: Float[Array, "_ _ _ _ _"]
+
+    def __init__(self, sonar: ActiveSonar, snr: float, threshold: float) -> None:
+        if not threshold > 0 or not snr >= 0:
+            raise InputError(
+                f"exceedances: threshold is {threshold:g} and SNR {snr:g}; expected above 0, and at least 0 (linear)."
+            )
+        self.sonar = sonar
+        self.snr = jnp.asarray(snr, float)
+        self.threshold = float(threshold)
+        self.quiet = quiet_table(sonar, snr, threshold, (NODES, NODES, NODES))
+
+    def log_ratio(self, ping: Ping, states: Any) -> Real:
+        """Natural log of p(returns | target at state) / p(returns | no target); 0 where it cannot be heard.
+
+        Parameters
+        ----------
+        ping : returns of one ping.
+        states : position and, where Doppler is measured, velocity; broadcast against each other.
+        """
+        delay, beam, shift = jnp.broadcast_arrays(*self.sonar.place(self.sonar.geometry(ping), states))
+        total = self._quiet_at(delay, beam, shift) + self._returns_at(ping, delay, beam, shift)
+        return jnp.where(self.sonar.heard(delay, shift), total, 0)
+
+    def told(self, response: Real, power: Real) -> Real:
+        """What a return adds for a target with this response in its bin: the bracket of the module's equation."""
+        mean = 1 + self.snr * response
+        return power * (1 - 1 / mean) - jnp.log(mean) - quiet_bin(mean, self.threshold)
+
+    def _quiet_at(self, delay: Real, beam: Real, shift: Real) -> Real:
+        """The sum over quiet bins, from the table by straight lines."""
+        sonar = self.sonar
+        whole = [jnp.floor(each) for each in (delay, beam, shift)]
+        of_delay, of_shift = (
+            edge_class(whole[axis], sonar.shape[axis], sonar.reach[axis]).astype(jnp.int32) for axis in (0, 2)
+        )
+        ends = []
+        for value, low, nodes in zip(
+            (delay, beam, shift), whole, np.array(self.quiet.shape)[[1, 2, 4]] - 1, strict=True
+        ):
+            fine = (value - low) * nodes
+            node = jnp.clip(jnp.floor(fine), 0, max(nodes - 1, 0))
+            upper = (node.astype(jnp.int32) + 1, fine - node)
+            ends.append([(upper[0] - 1, 1 - upper[1]), upper] if nodes else [(upper[0] - 1, jnp.ones_like(value))])
+        return sum(
+            share_a * share_b * share_c * self.quiet[of_delay, a, b, of_shift, c]
+            for (a, share_a), (b, share_b), (c, share_c) in itertools.product(*ends)
+        )
+
+    def _returns_at(self, ping: Ping, delay: Real, beam: Real, shift: Real) -> Real:
+        """What the returns add. They come by delay: around every state as many in a row as are within reach."""
+        sonar = self.sonar
+        delays = jnp.where(ping.there, ping.bins[:, 0], jnp.iinfo(jnp.int32).max // 2)
+        first = jnp.searchsorted(delays, jnp.ceil(delay - sonar.reach[0]).astype(jnp.int32))
+        last = jnp.searchsorted(delays, jnp.floor(delay + sonar.reach[0]).astype(jnp.int32), side="right")
+
+        def take_in(number: Int[Array, ""], total: Array) -> Array:
+            index = jnp.minimum(first + number, len(delays) - 1)
+            bin_delay, bin_beam, bin_shift = (ping.bins[:, axis][index] for axis in range(3))
+            around = beam - bin_beam
+            around = around - sonar.beams * jnp.round(around / sonar.beams)
+            response = sonar.response(delay - bin_delay, around, shift - bin_shift)
+            return total + jnp.where(first + number < last, self.told(response, ping.power[index]), 0)
+
+        return jax.lax.fori_loop(0, jnp.max(last - first), take_in, jnp.zeros_like(delay))
+
+
+def quiet_bin(mean: Any, threshold: float) -> Any:
+    """Log of the probability that a bin stays below the threshold, over that without a target."""
+    numbers = jnp if isinstance(mean, jax.Array) else np
+    return numbers.log1p(-numbers.exp(-threshold / mean)) - np.log1p(-np.exp(-threshold))
+
+
+def edge_class(whole: Any, count: int, reach: int) -> Any:
+    """Class of a whole bin number from -1 to `count` - 1: which of the bins within reach exist.
+
+    Examples
+    --------
+    >>> edge_class(np.array([-1, 0, 1, 2, 50, 97, 98, 99]), 100, 1).tolist()
+    [0, 1, 2, 2, 2, 2, 3, 4]
+    """
+    numbers = jnp if isinstance(whole, jax.Array) else np
+    if count <= 2 * reach + 2:
+        return whole + 1
+    return numbers.clip(whole + 1, 0, reach + 1) + numbers.clip(whole - (count - 2 - reach), 0, reach + 1)
+
+
+def quiet_table(
+    sonar: ActiveSonar, snr: float, threshold: float, nodes: tuple[int, int, int]
+) -> Float[Array, "_ _ _ _ _"]:
+    """Sum over quiet bins by class of delay, place in the delay bin and the beam, class and place of Doppler.
+
+    Parameters
+    ----------
+    sonar, snr, threshold : as of the likelihood.
+    nodes : places told apart in a bin of delay, bearing, Doppler; the table has one more, the next bin's first. Without
+        Doppler it has one place there.
+    """
+    reach = sonar.reach
+    nodes = (*nodes[:2], 0) if sonar.doppler is None else nodes
+    places = [np.arange(count + 1) / max(count, 1) for count in nodes]
+    steps = [np.arange(-r, r + 2) for r in reach]
+    off = [step - place[:, None] for step, place in zip(steps, places, strict=True)]
+    with jax.ensure_compile_time_eval():
+        response = np.asarray(
+            sonar.response(
+                jnp.asarray(off[0][:, :, None, None, None, None]),
+                jnp.asarray(off[1][None, None, :, :, None, None]),
+                jnp.asarray(off[2][None, None, None, None, :, :]),
+            ),
+            float,
+        )
+    told = quiet_bin(1 + snr * response, threshold).sum(axis=3)
+    exists = [_existing(sonar.shape[axis], reach[axis], steps[axis]) for axis in (0, 2)]
+    return jnp.asarray(np.einsum("co,fobgp,ep->cfbeg", exists[0], told, exists[1], optimize=True), float)
+
+
+def _existing(count: int, reach: int, steps: np.ndarray) -> Float[np.ndarray, "class step"]:
+    """Whether the bin a step away exists, for every class of whole bin numbers."""
+    whole = np.arange(-1, count)
+    classes = edge_class(whole, count, reach)
+    _, first = np.unique(classes, return_index=True)
+    bins = whole[first][:, None] + steps
+    return ((bins >= 0) & (bins < count)).astype(float)

@@ -1,0 +1,267 @@
+r"""The mean of a likelihood ratio over the cells of a grid, sampled where the returns are.
+
+The ratio of a sonar's returns varies over a metre of range where a cell of a grid is a kilometre wide. What a cell
+needs is the mean over its states, and what varies there lies near the returns (aughenbaugh2010, section 4). So the
+ratio is taken at points of a mesh of measurements (`faintrack.likelihoods.mesh`), but only in a swath around every
+return, and where swaths overlap once. The others have the value that a point far from any return has; points that the
+sonar cannot hear have the ratio 1. With :math:`A_k` the area that point k stands for, in position and velocity,
+
+.. math::
+    \bar\ell(C) = \frac{1}{\sum_{k \in C} A_k} \left[ \sum_{k \in C,\, \text{near}} A_k \ell_k
+    + \sum_{k \in C,\, \text{far}} A_k \ell_\text{default} + \sum_{k \in C,\, \text{unheard}} A_k \right]
+
+(eq. 20, with the areas that it leaves to the reader). A cell without a point of the mesh has the ratio of its middle.
+
+The error is that of a sum over mesh points in place of an integral. In cells that a loud return only grazes with what
+lies outside its swath the mean is too small, by a factor that may be large and of a value that is small beside that of
+the cells next to it.
+"""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from faintrack.errors import InputError
+from faintrack.grids import Grid
+from faintrack.likelihoods.exceedances import ExceedanceLikelihood, quiet_bin, quiet_table
+from faintrack.likelihoods.mesh import Mesh
+from faintrack.sensors.active import ActiveSonar, Ping
+from faintrack.sensors.bistatic import Bistatic
+
+Real = Float[Array, "..."]
+
+
+class Cover(NamedTuple):
+    """What cells hold when there are no returns.
+
+    Attributes
+    ----------
+    area : of the mesh points in every position cell; m^2.
+    default : mean ratio of every cell.
+    """
+
+    area: Float[Array, "x y"]
+    default: Float[Array, "x y velocity"]
+
+
+class Near(NamedTuple):
+    """Mesh points around the returns.
+
+    Attributes
+    ----------
+    log_ratio : of each point.
+    used : whether it is a point that no earlier return has too, in a bin of the sonar.
+    delay, bearing, doppler : numbers of the points along each axis.
+    """
+
+    log_ratio: Float[Array, "return delay bearing doppler"]
+    used: Bool[Array, "return delay bearing doppler"]
+    delay: Int[Array, "return delay"]
+    bearing: Int[Array, "return bearing"]
+    doppler: Int[Array, "return doppler"]
+
+
+class Guided(eqx.Module):
+    """Log of the mean ratio of every cell of a grid, from samples near the returns.
+
+    Attributes
+    ----------
+    likelihood : of a state.
+    mesh : points at which the ratio is taken, and the grid.
+    swath : bins on either side of a return, in delay, bearing and Doppler, that are sampled.
+    tables : what a return tells at an offset: constant part, factor of its power, whether it is within the swath.
+    quiet : what quiet bins tell at a mesh point; see `faintrack.likelihoods.exceedances.quiet_table`.
+    cover : of the fixed source and receiver; None where they move.
+
+    Raises
+    ------
+    InputError : a grid without an axis that is needed, a swath below 0 or half around and more, or no point a bin.
+
+    Examples
+    --------
+    >>> import math
+    >>> from faintrack.axis import Axis, between
+    >>> from faintrack.sensors.active import Pulse, ping
+    >>> from faintrack.sensors.bistatic import fixed
+    >>> from faintrack.targets.states import PlanarState
+    >>> pair = Bistatic(fixed(0.0, 0.0), fixed(0.0, 5000.0))
+    >>> pulse = Pulse(2350.0, 1.0, 400.0, factor=1.0)
+    >>> sonar = ActiveSonar(pulse, Axis(4.334, 29.717 / 18000, 18000), 72, math.radians(5), None, pair)
+    >>> likelihood = ExceedanceLikelihood(sonar, snr=8.9, threshold=10.0)
+    >>> place = between(-33e3, 33e3, 51)
+    >>> grid = Grid(PlanarState, (("x", place), ("y", place)))
+    >>> heard = ping(sonar, 0.0, np.array([[7000, 18, 0]]), np.array([25.0]), capacity=8)
+    >>> guided = Guided(likelihood, grid)
+    >>> means = guided.log_ratio(heard)
+    >>> means.shape, round(float(means.max()), 1), int(guided.samples(heard))
+    ((51, 51), 9.4, 275)
+    """
+
+    likelihood: ExceedanceLikelihood
+    mesh: Mesh
+    swath: tuple[int, int, int] = eqx.field(static=True)
+    tables: Float[Array, "3 _ _ _"]
+    quiet: Float[Array, "_ _ _ _ _"]
+    cover: Cover | None
+
+    def __init__(
+        self,
+        likelihood: ExceedanceLikelihood,
+        grid: Grid,
+        swath: tuple[int, int, int] = (5, 3, 3),
+        finer: tuple[int, int, int] = (1, 4, 1),
+    ) -> None:
+        sonar = likelihood.sonar
+        if min(swath) < 0 or 2 * swath[1] >= sonar.beams:
+            raise InputError(f"guided: swath {swath}; expected at least 0, and less than half of the beams.")
+        self.likelihood, self.mesh = likelihood, Mesh(sonar, grid, finer)
+        self.swath = swath if sonar.doppler is not None else (*swath[:2], 0)
+        self.tables = self._offset_tables()
+        self.quiet = quiet_table(sonar, float(likelihood.snr), likelihood.threshold, self.mesh.finer)
+        self.cover = None
+        if sonar.pair is not None:
+            self.cover = eqx.filter_jit(_cover)(self.mesh, self.quiet, sonar.pair)
+
+    def log_ratio(self, ping: Ping, states: Any = None) -> Float[Array, "..."]:
+        """Log of the mean ratio of every cell, shape of the grid, 1 along axes that do not matter.
+
+        Parameters
+        ----------
+        ping : returns of one ping.
+        states : not read; those of a belief on the grid.
+        """
+        mesh, pair = self.mesh, self.likelihood.sonar.geometry(ping)
+        cover = self.cover
+        if ping.pair is not None or cover is None:
+            cover = _cover(mesh, self.quiet, pair)
+        near = self._near(ping)
+        bearing = (near.bearing * mesh.bearing_step)[:, None, :]
+        x, y = pair.position(mesh.delay(near.delay[:, :, None]), bearing)
+        inner, outer = (mesh.sector(pair, near.delay[:, :, None] + side, bearing) for side in (-0.5, 0.5))
+        cell, on_grid = mesh.cell(x, y)
+        used = near.used & on_grid[..., None]
+        told = jnp.where(used, near.log_ratio, -jnp.inf)
+        # Numbers are kept relative to the largest of each position cell: a loud return passes e^88.
+        peak = jnp.full(cover.area.size, -jnp.inf).at[cell.ravel()].max(told.max(axis=-1).ravel())
+        peak = jnp.where(peak > -jnp.inf, peak, 0)
+        relative = jnp.exp(told - peak[cell][..., None])
+        replaced = jnp.where(used, _default_at(mesh, self.quiet, near.doppler)[:, None, None, :], 0)
+        weighted = jnp.stack([relative, replaced]) * (outer - inner)[..., None]
+
+        def add(number: Int[Array, ""], sums: Float[Array, "cell both_velocity"]) -> Float[Array, "cell both_velocity"]:
+            """Points of one return, every one into the velocities of its position cell."""
+            edges = near.doppler[number, 0] + jnp.arange(near.doppler.shape[1] + 1) - 0.5
+            shares = mesh.shares(pair, x[number], y[number], edges)
+            rows = jnp.einsum("dbnv,kdbn->dbkv", shares, weighted[:, number])
+            return sums.at[cell[number]].add(rows.reshape(*rows.shape[:2], -1))
+
+        nothing = jnp.zeros((cover.area.size, 2 * cover.default.shape[-1]), cover.area.dtype)
+        sums = jax.lax.fori_loop(0, ping.there.sum(), add, nothing).reshape(*cover.area.shape, 2, -1)
+        sums = sums / jnp.where(cover.area > 0, cover.area, 1)[..., None, None]
+        rest = jnp.maximum(cover.default - sums[..., 1, :], 0)
+        means = jnp.logaddexp(jnp.log(rest), peak.reshape(*cover.area.shape, 1) + jnp.log(sums[..., 0, :]))
+        empty = (cover.area == 0)[..., None]
+        means = jax.lax.cond(
+            empty.any(),
+            lambda: jnp.where(empty, self.likelihood.log_ratio(ping, mesh.middles()), means),
+            lambda: means,
+        )
+        return mesh.on_grid(means)
+
+    def samples(self, ping: Ping) -> Int[Array, ""]:
+        """Number of mesh points at which the ratio of a ping is taken."""
+        return self._near(ping).used.sum()
+
+    @property
+    def _steps(self) -> list[Int[np.ndarray, " step"]]:
+        """Points of the swath along each axis."""
+        return [np.arange(-s * each, s * each + 1) for each, s in zip(self.swath, self.mesh.finer, strict=True)]
+
+    @property
+    def _limits(self) -> tuple[int, ...]:
+        """Points from one return to another from which on neither bears on the other."""
+        reach = self.likelihood.sonar.reach
+        return tuple(
+            s * (max(r, each) + each) + 1 for r, each, s in zip(reach, self.swath, self.mesh.finer, strict=True)
+        )
+
+    def _offset_tables(self) -> Float[Array, "3 _ _ _"]:
+        """What a return tells at the offsets that the swath of another return can have from it."""
+        off = [
+            np.arange(-(limit + steps[-1]), limit + steps[-1] + 1) / s
+            for limit, steps, s in zip(self._limits, self._steps, self.mesh.finer, strict=True)
+        ]
+        mesh = np.meshgrid(*off, indexing="ij")
+        mean = 1 + float(self.likelihood.snr) * _response(self.likelihood.sonar, mesh)
+        within = np.all([np.abs(each) <= s for each, s in zip(mesh, self.swath, strict=True)], axis=0)
+        constant = -np.log(mean) - quiet_bin(mean, self.likelihood.threshold)
+        return jnp.asarray(np.stack([constant, 1 - 1 / mean, within]), float)
+
+    def _near(self, ping: Ping) -> Near:
+        """Mesh points around the returns, and their ratio."""
+        mesh, steps = self.mesh, self._steps
+        shape = tuple(map(len, steps))
+        place = ping.bins * jnp.array(mesh.finer)
+        off = place[:, None] - place[None, :]
+        off = off.at[..., 1].set((off[..., 1] + mesh.around // 2) % mesh.around - mesh.around // 2)
+        limits = jnp.array(self._limits)
+        number = jnp.arange(len(place))
+        close = (jnp.abs(off) < limits).all(axis=-1) & ping.there[:, None] & ping.there[None, :]
+        close = close & (number[:, None] != number[None, :])
+        (pairs,) = jnp.nonzero(close.ravel(), size=close.size, fill_value=0)
+
+        def told_at(off: Int[Array, " 3"]) -> Float[Array, "3 delay bearing doppler"]:
+            return jax.lax.dynamic_slice(self.tables, (0, *(off + limits)), (3, *shape))
+
+        def join(pair: Int[Array, ""], carried: tuple[Array, Array]) -> tuple[Array, Array]:
+            total, twice = carried
+            mine, other = pairs[pair] // len(place), pairs[pair] % len(place)
+            constant, factor, within = told_at(off[mine, other])
+            total = total.at[mine].add(constant + factor * ping.power[other])
+            return total, twice.at[mine].max((within > 0) & (other < mine))
+
+        constant, factor, _ = told_at(jnp.zeros(3, jnp.int32))
+        own = constant + factor * ping.power[:, None, None, None]
+        total, twice = jax.lax.fori_loop(0, close.sum(), join, (own, jnp.zeros(own.shape, bool)))
+
+        delay, bearing, doppler = (place[:, axis, None] + steps[axis] for axis in range(3))
+        bearing = bearing % mesh.around
+        of_delay, in_delay = (each[:, :, None, None] for each in mesh.whole(delay, 0))
+        of_doppler, in_doppler = (each[:, None, None, :] for each in mesh.whole(doppler, 2))
+        in_beam = (bearing % mesh.finer[1])[:, None, :, None]
+        quiet = self.quiet[of_delay, in_delay, in_beam, of_doppler, in_doppler]
+        heard = mesh.heard(delay, 0)[:, :, None, None] & mesh.heard(doppler, 2)[:, None, None, :]
+        used = ping.there[:, None, None, None] & heard & ~twice
+        return Near(total + quiet, used, delay, bearing, doppler)
+
+
+def _response(sonar: ActiveSonar, off: Iterable[np.ndarray]) -> np.ndarray:
+    with jax.ensure_compile_time_eval():
+        return np.asarray(sonar.response(*(jnp.asarray(each) for each in off)), float)
+
+
+def _default_at(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], doppler: Int[Array, "..."]) -> Real:
+    """Mean ratio far from any return at Doppler points; between the ends of the delays."""
+    fine = mesh.finer
+    defaults = jnp.exp(quiet[quiet.shape[0] // 2, : fine[0], : fine[1]]).mean(axis=(0, 1))
+    return defaults[mesh.whole(doppler, 2)]
+
+
+def _cover(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], pair: Bistatic) -> Cover:
+    """Areas and default values of all cells."""
+    area, heard = mesh.areas(pair)
+    share = jnp.where(area > 0, heard / jnp.where(area > 0, area, 1), 0)[..., None]
+    # Points of Doppler far from the ends have one value: a strip for each end point, and one for all between.
+    low, count = mesh.first(2), mesh.count(2)
+    ends = mesh.finer[2] * (mesh.sonar.reach[2] + 1)
+    starts = np.arange(count) if count <= 2 * ends + 1 else np.r_[: ends + 1, count - ends : count]
+    edges = jnp.asarray(low + np.append(starts, count) - 0.5, float)
+    middles = mesh.middles()
+    shares = mesh.shares(pair, middles.x[..., 0], middles.y[..., 0], edges)
+    inside = jnp.einsum("xysv,s->xyv", shares, _default_at(mesh, quiet, jnp.asarray(low + starts)) - 1)
+    return Cover(area, 1 + share * inside)
