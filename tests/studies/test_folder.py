@@ -11,6 +11,8 @@ from faintrack.studies.folder import open_folder
 from faintrack.studies.study import load, run_batch
 from tests.studies.small import WHERE, other, study
 
+DAMAGED = json.dumps({"format": 1, "version": "0", "study": "small", "seed": 0, "quick": False, "runs": {"short": "x"}})
+
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
@@ -70,7 +72,7 @@ def test_another_seed_or_number_of_runs(path: Path) -> None:
     refuse(path, "a full one; a quick one was asked for", quick=True)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", "null"])
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", "null", DAMAGED])
 def test_a_description_that_is_damaged(path: Path, text: str) -> None:
     (path / "study.json").write_text(text)
     refuse(path, "study.json cannot be read")
@@ -83,6 +85,17 @@ def test_a_folder_of_something_else(tmp_path: Path) -> None:
         open_folder(tmp_path, study, None, False, None, resume=False),
     ):
         pass
+    assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.parametrize("file", ["place/1.0", "farthest/1", "done/1", "done/.zarray"])
+@pytest.mark.parametrize("content", [b"", b"{", b"garbage" * 30])
+def test_runs_that_are_damaged(path: Path, file: str, content: bytes) -> None:
+    (path / "runs.zarr" / "short" / file).write_bytes(content)
+    with open_folder(path, study, None, False, None, resume=True) as folder:
+        read = folder.missing if file.startswith("done") else lambda setting: folder.results(setting.name)
+        with pytest.raises(InputError, match="short is damaged; delete it and run again with --resume"):
+            read(study.settings[0])
 
 
 def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ import numpy as np
 import xarray as xr
 
 from faintrack.errors import InputError
+from faintrack.io.checks import explained
 from faintrack.studies.study import Setting, Study
 
 FORMAT = 1
@@ -56,14 +57,18 @@ class Folder:
         self.path, self.study, self.plan = path, study, plan
 
     def missing(self, setting: Setting) -> list[int]:
-        """First run of every batch that is not done."""
+        """First run of every batch that is not done.
+
+        Raises
+        ------
+        InputError : what tells of them is damaged.
+        """
         runs = self.plan.runs[setting.name]
         starts = np.arange(0, runs, setting.batch)
         if not self._started(setting):
             return starts.tolist()
         with self._dataset(setting) as data:
-            done = data.done.values
-        return starts[~done[starts]].tolist()
+            return starts[~data.done.values[starts]].tolist()
 
     def write(self, setting: Setting, first: int, arrays: dict[str, np.ndarray]) -> None:
         """Keep a batch of runs, then mark it as done.
@@ -88,7 +93,12 @@ class Folder:
             ) from error
 
     def results(self, name: str) -> xr.Dataset:
-        """Finished runs of a setting, in memory."""
+        """Finished runs of a setting, in memory.
+
+        Raises
+        ------
+        InputError : there are none, or they are damaged.
+        """
         setting = self.study.setting(name)
         if not self._started(setting):
             raise InputError(f"{self.path} has no run of setting {name} yet.")
@@ -108,8 +118,15 @@ class Folder:
     def _started(self, setting: Setting) -> bool:
         return (self._runs / setting.name).exists()
 
-    def _dataset(self, setting: Setting) -> xr.Dataset:
-        return xr.open_zarr(self._runs, group=setting.name, chunks=None, consolidated=False)
+    @contextlib.contextmanager
+    def _dataset(self, setting: Setting) -> Iterator[xr.Dataset]:
+        """Runs of a setting, open for reading; damage that shows within the block is told."""
+        where = self._runs / setting.name
+        with (
+            explained(f"{where} is damaged; delete it and run again with --resume"),
+            xr.open_zarr(self._runs, group=setting.name, chunks=None, consolidated=False) as data,
+        ):
+            yield data
 
     def _start(self, setting: Setting, arrays: dict[str, np.ndarray]) -> None:
         """Lay out the arrays of a setting, empty."""
@@ -145,8 +162,11 @@ def open_folder(
     InputError : there are runs and `resume` is not given; the folder is another study's, another version's, or that of
         other settings; another process writes to it; it cannot be written.
     """
+    described = path / "study.json"
     try:
         path.mkdir(parents=True, exist_ok=True)
+        if not described.exists():
+            _refuse_strangers(path)
         lock = (path / ".lock").open("w")
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror}); expected a folder.") from error
@@ -155,7 +175,6 @@ def open_folder(
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             raise InputError(f"{path} is in use by another study that runs now; give another --out.") from error
-        described = path / "study.json"
         asked = Plan(
             study.name,
             0 if seed is None else seed,
@@ -163,7 +182,6 @@ def open_folder(
             {s.name: _asked_runs(s, quick, runs) for s in study.settings},
         )
         if not described.exists():
-            _refuse_strangers(path)
             folder = Folder(path, study, asked)
             content = {"format": FORMAT, "version": version("faintrack"), **vars(asked)}
             folder.keep("study.json", json.dumps(content, indent=2) + "\n")
@@ -197,8 +215,9 @@ def _read_plan(described: Path, study: Study) -> Plan:
     try:
         content = json.loads(described.read_text())
         found = content["format"], content["version"], content["study"]
-        plan = Plan(*(content[name] for name in ("study", "seed", "quick", "runs")))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        runs = {name: int(count) for name, count in content["runs"].items()}
+        plan = Plan(content["study"], int(content["seed"]), bool(content["quick"]), runs)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{described} cannot be read ({error}); expected what a study wrote there.") from error
     if found[2] != study.name:
         raise InputError(f"{described} is of study {found[2]}; expected {study.name}. Give another --out.")
