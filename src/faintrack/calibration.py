@@ -37,6 +37,9 @@ WALD_RUNS = 512
 EXCEEDING = 20
 """Runs on noise that are wanted above the threshold where their number is not given."""
 
+LONGEST, MOST_RUNS = 100_000, 10_000_000
+"""Frames of a run, and runs on noise, at most: more would not end."""
+
 Told = Callable[[int, int], None]
 """Called with the runs drawn just now, and the number of all."""
 
@@ -89,14 +92,20 @@ def calibrate(
     if not 0 < probability < 1:
         raise InputError(f"probability is {probability:g}; expected a number between 0 and 1.")
     interval = scenario.analysis.frame
+    if not interval <= duration <= LONGEST * interval:
+        raise InputError(
+            f"duration is {duration:g} s; expected from {interval:g} s, one frame, to {LONGEST * interval:g} s."
+        )
+    if not 0 < sample_rate < np.inf:
+        raise InputError(f"sample rate is {sample_rate:g} Hz; expected a number above 0.")
     frames = round(duration / interval)
-    if frames < 1:
-        raise InputError(f"duration is {duration:g} s; expected at least one frame of {interval:g} s.")
     plan = build_beamformer(scenario, array, sample_rate)
     tracker = build_tracker(scenario, array, plan, np.ones(plan.grid.frequency.size, np.float32))
     time = interval * jnp.arange(1.0, frames + 1)
     if not isinstance(tracker, SingleTargetTracker) or scenario.likelihood.kind == "lobe_width":
         count = round(EXCEEDING / probability) if runs is None else runs
+        if count > MOST_RUNS:
+            raise InputError(f"probability is {probability:g}; counted it takes more than {MOST_RUNS:,} runs.")
         run = jax.jit(jax.vmap(_on_noise(tracker, plan, array, time)))
         (highest,) = _drawn(run, count, jax.random.key(seed), lambda drawn: told(drawn, count))
         return Calibrated(counted_threshold(highest, probability), "counting", count)

@@ -65,7 +65,19 @@ def test_probability_out_of_range(probability: float) -> None:
         calibrate(SMALL, ARRAY, RATE, probability)
 
 
-@pytest.mark.parametrize("duration", [0.0, 0.03, -1.0])
-def test_duration_without_a_frame(duration: float) -> None:
-    with pytest.raises(InputError, match=r"duration is .* s; expected at least one frame of 0\.064 s"):
+@pytest.mark.parametrize("duration", [0.0, 0.03, -1.0, np.nan, np.inf, 1e12])
+def test_duration_out_of_range(duration: float) -> None:
+    with pytest.raises(InputError, match=r"duration is .* s; expected from 0\.064 s, one frame, to 6400 s"):
         calibrate(SMALL, ARRAY, RATE, duration=duration)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
+def test_sample_rate_that_is_none(rate: float) -> None:
+    with pytest.raises(InputError, match=r"sample rate is .* Hz; expected a number above 0"):
+        calibrate(SMALL, ARRAY, rate)
+
+
+def test_runs_that_would_not_end() -> None:
+    cfar = SMALL.model_copy(update={"tracker": TrackerTable(method="cfar")})
+    with pytest.raises(InputError, match="probability is 1e-300; counted it takes more than 10,000,000 runs"):
+        calibrate(cfar, ARRAY, RATE, 1e-300)
