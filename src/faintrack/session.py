@@ -222,7 +222,8 @@ def _advance(
         )
     seconds = scenario.likelihood.noise_seconds
     noise_power = None if seconds is None else measure_noise(recording, plan, length, seconds)
-    tracker = build_tracker(scenario, array, plan, noise_power)
+    with naming(recording.source):
+        tracker = build_tracker(scenario, array, plan, noise_power)
     key = jax.random.key(scenario.filter.seed)
     following = tracker.init(jax.random.fold_in(key, 2**31 - 1))
     if block_frames is None:

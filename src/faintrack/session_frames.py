@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from faintrack.errors import InputError, naming
 from faintrack.result import Result, pictures_dataset, sequence_dataset
@@ -27,6 +27,9 @@ from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 
 SNAPSHOTS = 8
 """Images kept at most, evenly spaced in time, the last one among them."""
+
+LARGEST_VALUE = 1e15
+"""Of a frame: squares of many values are added up in single precision."""
 
 
 def track_frames(sequence: Sequence, scenario: Scenario | None = None) -> Result:
@@ -75,16 +78,14 @@ def track_frame_blocks(sequence: Sequence, scenario: Scenario, block_frames: int
     count = min(SNAPSHOTS, sequence.length) if images else 0
     snapshots = (np.arange(1, count + 1) * sequence.length) // max(count, 1) - 1
     key = jax.random.key(scenario.filter.seed)
-    first = jnp.asarray(sequence.read(0, 1)[0], jnp.float32)
+    power = holds_power(scenario, sequence)
+    first = jnp.asarray(_checked(sequence.read(0, 1), 0, power, sequence.source)[0])
     surfaces = jnp.full((count, *cells.shape), -jnp.inf, jnp.float32)
     carried = background.init(first), tracker.init(jax.random.fold_in(key, 2**31 - 1)), surfaces
     kept = []
     number = 0
     for file_times, frames in sequence.blocks(block_frames):
-        frames = np.asarray(frames, np.float32)
-        if holds_power(scenario, sequence) and frames.min() < 0:
-            wrong = number + int(np.argmax(frames.reshape(len(frames), -1).min(axis=1) < 0))
-            raise InputError(f"{sequence.source}: frame {wrong} holds values below 0; expected power or envelope.")
+        frames = _checked(frames, number, power, sequence.source)
         used, missing = len(frames), block_frames - len(frames)
         numbers = np.arange(number, number + used)
         kept += list(frames[np.isin(numbers, snapshots)])
@@ -111,6 +112,22 @@ def track_frame_blocks(sequence: Sequence, scenario: Scenario, block_frames: int
         yield pictures_dataset(
             sequence.times[snapshots] - sequence.times[0], np.stack(kept), np.asarray(carried[2]), sequence
         )
+
+
+def _checked(frames: np.ndarray, number: int, power: bool, source: str) -> Float[np.ndarray, "frame *cells"]:
+    """Frames in single precision, the first of which has this number; refuses what nothing can be told from."""
+    flat = np.asarray(frames).reshape(len(frames), -1)
+    low, high = flat.min(axis=1), flat.max(axis=1)
+    for good, problem in (
+        (
+            (low >= -LARGEST_VALUE) & (high <= LARGEST_VALUE),
+            f"values beyond {LARGEST_VALUE:g} or NaN; expected smaller ones",
+        ),
+        ((low >= 0) | (not power), "values below 0; expected power or envelope"),
+    ):
+        if not good.all():
+            raise InputError(f"{source}: frame {number + int(np.argmin(good))} holds {problem}.")
+    return np.asarray(frames, np.float32)
 
 
 @eqx.filter_jit

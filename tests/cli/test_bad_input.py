@@ -157,6 +157,9 @@ def test_scenario_that_is_wrong(folder: Path, text: str, names: tuple[str, ...])
         ('[frames]\nbackground = "none"\n', ("frames.npz", "cells.amplitude is missing")),
         ('[frames]\n[tracker]\nmethod = "cfar"\n', ("scenario.toml", "cfar", "bernoulli")),
         ("[frames]\n[array]\n" + LINE, ("scenario.toml", "[frames]", "[array]")),
+        ("[frames]\n[analysis]\nframe = 2.0\n", ("scenario.toml", "[frames]", "[analysis]")),
+        ("frames = 3\n", ("scenario.toml", "frames is 3", "expected a table")),
+        ('[frames]\ndims = "time"\n', ("scenario.toml", "frames.dims", "expected a list")),
         ('[filter]\nkind = "grid"\n', ("scenario.toml", "filter.kind", "[frames]")),
     ],
 )
@@ -166,6 +169,12 @@ def test_frames_that_do_not_fit_the_scenario(folder: Path, text: str, names: tup
         np.savez(folder / "frames.npz", frames=np.ones((6, 9, 9)))
     (folder / "scenario.toml").write_text(text)
     refuse(folder, "track", folder / "frames.npz", "--scenario", folder / "scenario.toml", names=names)
+
+
+def test_frames_that_are_not_there(folder: Path) -> None:
+    (folder / "empty").mkdir()
+    refuse(folder, "track", folder / "none", names=("none does not exist",))
+    refuse(folder, "track", folder / "empty", names=("empty holds no PNG file",))
 
 
 def test_frames_with_what_only_an_array_has(folder: Path) -> None:
@@ -183,6 +192,12 @@ def test_recording_with_a_scenario_for_frames(folder: Path) -> None:
         *("track", folder / "good.wav", "--scenario", folder / "scenario.toml"),
         names=("good.wav", "unknown kind of file", ".npz"),
     )
+
+
+def test_guard_that_does_not_fit_the_beams(folder: Path) -> None:
+    (folder / "scenario.toml").write_text("[cfar]\nguard = 500\n")
+    options = ("--scenario", folder / "scenario.toml", "--method", "cfar")
+    refuse_track(folder, "good.wav", *options, names=("good.wav", "CFAR guard 500", "beams"))
 
 
 def test_scenario_that_is_missing(folder: Path) -> None:

@@ -92,8 +92,11 @@ def frames_scenario(paths: list[Path], scenario: Path | None, options: Mapping[s
 
     Raises
     ------
-    InputError : frames with options of an array, or in several files.
+    InputError : a path that does not exist; frames with options of an array, or in several files.
     """
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path} does not exist.")
     what = None if scenario is None else read_scenario(scenario)
     given = [name for name, value in options.items() if value is not None]
     asked = what is not None and what.frames is not None

@@ -96,16 +96,15 @@ def read_sequence(
 
 
 def holds_frames(path: Path) -> bool:
-    """Whether a path can be nothing else than frames: TIFF, npz, a folder of PNG files; the others hold samples too.
+    """Whether a path can be nothing else than frames: TIFF, npz, a folder but of Zarr; the others hold samples too.
 
     Examples
     --------
     >>> holds_frames(Path("stack.tif")), holds_frames(Path("night.zarr"))
     (True, False)
     """
-    if path.suffix.lower() in (".npz", ".tif", ".tiff"):
-        return True
-    return path.is_dir() and path.suffix.lower() not in READERS and any(path.glob("*.[pP][nN][gG]"))
+    suffix = path.suffix.lower()
+    return suffix in (".npz", ".tif", ".tiff") or (path.is_dir() and suffix not in READERS)
 
 
 def _reader(path: Path) -> Callable[[Path], dict[str, Variable]]:

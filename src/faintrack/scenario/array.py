@@ -31,6 +31,13 @@ from faintrack.sensors.array import SensorArray, line_array, sensor_array
 
 _WATER = 1500.0
 _AIR = 343.0
+_KINDS = {
+    "model_type": "expected a table",
+    "tuple_type": "expected a list",
+    "too_short": "expected a list of {min_length} or more",
+    "too_long": "expected a list of {max_length} or fewer",
+}
+"""What to say in TOML's words where pydantic uses Python's."""
 
 
 class Table(BaseModel):
@@ -188,7 +195,8 @@ def problem(error: ValidationError) -> str:
         return f"{field} is missing."
     if first["type"] == "extra_forbidden":
         return f"there is no field {field}."
-    message = first["msg"].removeprefix("Value error, ")
+    known = _KINDS.get(first["type"])
+    message = first["msg"].removeprefix("Value error, ") if known is None else known.format(**first.get("ctx", {}))
     message = message[0].lower() + message[1:]
     # A table is too long to repeat; its own name says enough.
     value = "" if isinstance(first["input"], dict | list) else f" is {first['input']!r}"

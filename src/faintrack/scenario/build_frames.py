@@ -10,7 +10,7 @@ from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import Filter, Likelihood
-from faintrack.filters.separable import separable
+from faintrack.filters.separable import POINTS, separable
 from faintrack.grids import Grid
 from faintrack.likelihoods.cells import (
     Amplitude,
@@ -70,6 +70,13 @@ LARGEST_GRID = 20_000_000
 """Cells of a grid at most: each takes some fifty bytes, and about 0.2 microseconds a frame."""
 
 
+LARGEST_KERNEL = 50_000_000
+"""Numbers from which the motion of a component on a grid is averaged, at most: they take some three gigabytes."""
+
+SHORTEST_INTERVAL = 1e-9
+"""Seconds from frame to frame at least: rates in cells a second stay within single precision."""
+
+
 def background_kind(scenario: Scenario, sequence: Sequence) -> str:
     """Background of a scenario, or the one that suits the frames."""
     assert scenario.frames is not None, "frames are tracked with a table of them"
@@ -82,8 +89,16 @@ def holds_power(scenario: Scenario, sequence: Sequence) -> bool:
 
 
 def frame_interval(sequence: Sequence) -> float:
-    """Seconds from frame to frame, the median; 1 where there is one frame alone."""
-    return float(np.median(np.diff(sequence.times))) if sequence.length > 1 else 1.0
+    """Seconds from frame to frame, the median; 1 where there is one frame alone.
+
+    Raises
+    ------
+    InputError : frames closer than any sensor takes them.
+    """
+    interval = float(np.median(np.diff(sequence.times))) if sequence.length > 1 else 1.0
+    if interval < SHORTEST_INTERVAL:
+        raise InputError(f"frames are {interval:g} s apart; expected at least {SHORTEST_INTERVAL:g} s.")
+    return interval
 
 
 def build_background(scenario: Scenario, sequence: Sequence) -> Background:
@@ -149,8 +164,8 @@ def build_frame_tracker(scenario: Scenario, sequence: Sequence) -> SingleTargetT
 
     Raises
     ------
-    InputError : the axes of the frames are not those of a state, the tables do not fit together, or the grid is too
-        large.
+    InputError : the axes of the frames are not those of a state, the tables do not fit together, the grid is too
+        large, or too many of its cells are passed between two frames.
     """
     axes = dict(sequence.axes)
     kind = STATES.get(frozenset(axes))
@@ -182,9 +197,23 @@ def build_frame_tracker(scenario: Scenario, sequence: Sequence) -> SingleTargetT
                 f"the grid has {listed} cells, more than {LARGEST_GRID:,}; "
                 "expected fewer filter.speeds, or filter.kind particles."
             )
+        for place, rate in grid.pairs:
+            _require_short(grid.axes[place], grid.axes[rate], noise, interval)
         carried = GridFilter(grid, target, separable(grid, motion, interval))
         likelihood = build_cells(scenario, sequence, oversample=1)
     return SingleTargetTracker(carried, likelihood, scenario.tracker.declare, scenario.tracker.drop)
+
+
+def _require_short(place: tuple[str, Axis], rate: tuple[str, Axis], noise: float, interval: float) -> None:
+    """Refuse targets that may pass so many cells between two frames that no memory holds their motion."""
+    (name, along), (rate_name, rates) = place, rate
+    fastest = max(abs(rates.edges[0]), abs(rates.edges[-1]))
+    cells = (fastest * interval + 6 * noise * interval**1.5) / along.step
+    if 2 * cells * rates.count**2 * POINTS > LARGEST_KERNEL:
+        raise InputError(
+            f"targets pass up to {cells:.3g} cells of {name} between two frames, with {rates.count} values of "
+            f"{rate_name}; expected a lower target.speed or target.velocity_noise, or filter.kind particles."
+        )
 
 
 def units_of(name: str, axes: dict[str, Axis]) -> str:

@@ -280,8 +280,14 @@ class Scenario(Table):
             if self.filter.kind == "grid":
                 raise ValueError('filter.kind is "grid": expected [frames] with it')
             return self
-        others = {"array": self.array, "simulation": self.simulation}
-        found = [f"[{name}]" for name, table in others.items() if table is not None]
+        # Compared with the defaults, not with what stands in the file: a scenario is written with all of its tables.
+        unused: dict[str, Table | None] = {
+            "array": None,
+            "analysis": Analysis(),
+            "likelihood": LikelihoodTable(),
+            "simulation": None,
+        }
+        found = [f"[{name}]" for name, default in unused.items() if getattr(self, name) != default]
         if found:
             raise ValueError(f"there are [frames] and {found[0]}: expected one of them")
         if self.tracker.method == "cfar":
