@@ -42,14 +42,16 @@ def draw_ping(
 
     Returns
     -------
-    The ping, and the number of returns that it had no entry for: those with the longest delays. Above 0 the draw is not
-    what was asked for, and the capacity too small.
+    The ping, and how many returns, at least, it had no entry for: those with the longest delays. Above 0 the draw is
+    not what was asked for, and the capacity too small.
     """
     sonar = likelihood.sonar
     ping = Ping(time, jnp.zeros((0, 3), jnp.int32), jnp.zeros(0), jnp.zeros(0, bool), pair)
     for_gaps, for_power, for_target = jax.random.split(key, 3)
-    clutter = _clutter(for_gaps, sonar.size, likelihood.threshold, capacity)
-    quiet_power = likelihood.threshold + jax.random.exponential(for_power, (capacity,))
+    # One more than there are entries: where it still lies in a bin of the sonar, returns are missing.
+    clutter = _clutter(for_gaps, sonar.size, likelihood.threshold, capacity + 1)
+    missing = clutter[-1] < sonar.size
+    quiet_power = likelihood.threshold + jax.random.exponential(for_power, (capacity + 1,))
 
     delay, beam, shift = sonar.place(sonar.geometry(ping), state)
     near, off = [], []
@@ -75,7 +77,8 @@ def draw_ping(
     chosen = order[:capacity]
     kept = every[chosen] < sonar.size
     at = jnp.stack(jnp.unravel_index(jnp.where(kept, every[chosen], 0), sonar.shape), axis=-1).astype(jnp.int32)
-    return Ping(time, at, jnp.where(kept, power[chosen], 0), kept, pair), there[capacity:].sum()
+    lost = jnp.maximum(there[capacity:].sum(), missing)
+    return Ping(time, at, jnp.where(kept, power[chosen], 0), kept, pair), lost
 
 
 def capacity_for(likelihood: ExceedanceLikelihood) -> int:
