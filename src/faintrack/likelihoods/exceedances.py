@@ -14,6 +14,7 @@ but for bins near the ends, and is tabulated over the place within a bin.
 """
 
 import itertools
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -27,6 +28,9 @@ from faintrack.sensors.active import ActiveSonar, Ping
 
 NODES = 8
 """Places within a bin at which the sum over quiet bins is tabulated; straight lines in between."""
+
+BLOCK = 4096
+"""States near a return that are taken at a time."""
 
 Real = Float[Array, "..."]
 
@@ -113,21 +117,44 @@ class ExceedanceLikelihood(eqx.Module):
         )
 
     def _returns_at(self, ping: Ping, delay: Real, beam: Real, shift: Real) -> Real:
-        """What the returns add. They come by delay: around every state as many in a row as are within reach."""
+        """What the returns add: a cheap look for states that a return is near, then those alone, a block at a time."""
+        states = jnp.stack([each.ravel() for each in (delay, beam, shift)])
+        close = self._each_return(ping, states, lambda near, response, power: near, jnp.logical_or, False)
+        (order,) = jnp.nonzero(close, size=close.size + BLOCK, fill_value=close.size)
+
+        def take_in(block: Int[Array, ""], total: Array) -> Array:
+            index = jax.lax.dynamic_slice(order, (block * BLOCK,), (BLOCK,))
+            here = states[:, jnp.minimum(index, close.size - 1)]
+            told = self._each_return(
+                ping, here, lambda near, response, power: jnp.where(near, self.told(response(), power), 0), jnp.add, 0.0
+            )
+            return total.at[index].set(told, mode="drop")
+
+        blocks = -(-close.sum() // BLOCK)
+        return jax.lax.fori_loop(0, blocks, take_in, jnp.zeros_like(states[0])).reshape(delay.shape)
+
+    def _each_return(
+        self,
+        ping: Ping,
+        states: Float[Array, "3 state"],
+        tell: Callable[[Array, Callable[[], Array], Array], Array],
+        join: Callable[[Array, Array], Array],
+        nothing: Any,
+    ) -> Array:
+        """Join what returns tell of states; they come by delay: around a state as many in a row as are within reach."""
         sonar = self.sonar
         delays = jnp.where(ping.there, ping.bins[:, 0], jnp.iinfo(jnp.int32).max // 2)
-        first = jnp.searchsorted(delays, jnp.ceil(delay - sonar.reach[0]).astype(jnp.int32))
-        last = jnp.searchsorted(delays, jnp.floor(delay + sonar.reach[0]).astype(jnp.int32), side="right")
+        first = jnp.searchsorted(delays, jnp.ceil(states[0] - sonar.reach[0]).astype(jnp.int32))
+        last = jnp.searchsorted(delays, jnp.floor(states[0] + sonar.reach[0]).astype(jnp.int32), side="right")
 
-        def take_in(number: Int[Array, ""], total: Array) -> Array:
+        def one(number: Int[Array, ""], total: Array) -> Array:
             index = jnp.minimum(first + number, len(delays) - 1)
-            bin_delay, bin_beam, bin_shift = (ping.bins[:, axis][index] for axis in range(3))
-            around = beam - bin_beam
-            around = around - sonar.beams * jnp.round(around / sonar.beams)
-            response = sonar.response(delay - bin_delay, around, shift - bin_shift)
-            return total + jnp.where(first + number < last, self.told(response, ping.power[index]), 0)
+            off = states - ping.bins.T[:, index]
+            off = off.at[1].add(-sonar.beams * jnp.round(off[1] / sonar.beams))
+            near = (jnp.abs(off) <= jnp.array(sonar.reach)[:, None]).all(axis=0) & (first + number < last)
+            return join(total, tell(near, lambda: sonar.response(*off), ping.power[index]))
 
-        return jax.lax.fori_loop(0, jnp.max(last - first), take_in, jnp.zeros_like(delay))
+        return jax.lax.fori_loop(0, jnp.max(last - first), one, jnp.full(states.shape[1], nothing))
 
 
 def quiet_bin(mean: Any, threshold: float) -> Any:
@@ -166,15 +193,9 @@ def quiet_table(
     places = [np.arange(count + 1) / max(count, 1) for count in nodes]
     steps = [np.arange(-r, r + 2) for r in reach]
     off = [step - place[:, None] for step, place in zip(steps, places, strict=True)]
-    with jax.ensure_compile_time_eval():
-        response = np.asarray(
-            sonar.response(
-                jnp.asarray(off[0][:, :, None, None, None, None]),
-                jnp.asarray(off[1][None, None, :, :, None, None]),
-                jnp.asarray(off[2][None, None, None, None, :, :]),
-            ),
-            float,
-        )
+    response = sonar.tabled(
+        off[0][:, :, None, None, None, None], off[1][None, None, :, :, None, None], off[2][None, None, None, None]
+    )
     told = quiet_bin(1 + snr * response, threshold).sum(axis=3)
     exists = [_existing(sonar.shape[axis], reach[axis], steps[axis]) for axis in (0, 2)]
     return jnp.asarray(np.einsum("co,fobgp,ep->cfbeg", exists[0], told, exists[1], optimize=True), float)

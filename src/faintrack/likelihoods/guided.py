@@ -17,7 +17,6 @@ lies outside its swath the mean is too small, by a factor that may be large and 
 the cells next to it.
 """
 
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -30,8 +29,11 @@ from faintrack.errors import InputError
 from faintrack.grids import Grid
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood, quiet_bin, quiet_table
 from faintrack.likelihoods.mesh import Mesh
-from faintrack.sensors.active import ActiveSonar, Ping
+from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
+
+AT_ONCE = 8
+"""Returns that are taken in at a time."""
 
 Real = Float[Array, "..."]
 
@@ -43,10 +45,12 @@ class Cover(NamedTuple):
     ----------
     area : of the mesh points in every position cell; m^2.
     default : mean ratio of every cell.
+    empty : whether there is no point in a position cell whose middle is heard.
     """
 
     area: Float[Array, "x y"]
     default: Float[Array, "x y velocity"]
+    empty: Bool[Array, "x y"]
 
 
 class Near(NamedTuple):
@@ -153,22 +157,25 @@ class Guided(eqx.Module):
         replaced = jnp.where(used, _default_at(mesh, self.quiet, near.doppler)[:, None, None, :], 0)
         weighted = jnp.stack([relative, replaced]) * (outer - inner)[..., None]
 
-        def add(number: Int[Array, ""], sums: Float[Array, "cell both_velocity"]) -> Float[Array, "cell both_velocity"]:
-            """Points of one return, every one into the velocities of its position cell."""
-            edges = near.doppler[number, 0] + jnp.arange(near.doppler.shape[1] + 1) - 0.5
-            shares = mesh.shares(pair, x[number], y[number], edges)
-            rows = jnp.einsum("dbnv,kdbn->dbkv", shares, weighted[:, number])
-            return sums.at[cell[number]].add(rows.reshape(*rows.shape[:2], -1))
+        # What a loop reads is in memory; within it XLA would work the shifts out anew for every edge.
+        spread = mesh.spread(pair, x, y)
+
+        def add(block: Int[Array, ""], sums: Float[Array, "cell both_velocity"]) -> Float[Array, "cell both_velocity"]:
+            """Points of a few returns, every one into the velocities of its position cell."""
+            number = block * AT_ONCE + jnp.arange(AT_ONCE)
+            edges = near.doppler[number, :1] + jnp.arange(near.doppler.shape[1] + 1) - 0.5
+            shares = mesh.shares(jax.tree.map(lambda each: each[number], spread), edges[:, None, None, :])
+            rows = jnp.einsum("rdbnv,krdbn->rdbkv", shares, weighted[:, number])
+            return sums.at[cell[number]].add(rows.reshape(*rows.shape[:3], -1))
 
         nothing = jnp.zeros((cover.area.size, 2 * cover.default.shape[-1]), cover.area.dtype)
-        sums = jax.lax.fori_loop(0, ping.there.sum(), add, nothing).reshape(*cover.area.shape, 2, -1)
+        sums = jax.lax.fori_loop(0, -(-ping.there.sum() // AT_ONCE), add, nothing).reshape(*cover.area.shape, 2, -1)
         sums = sums / jnp.where(cover.area > 0, cover.area, 1)[..., None, None]
         rest = jnp.maximum(cover.default - sums[..., 1, :], 0)
         means = jnp.logaddexp(jnp.log(rest), peak.reshape(*cover.area.shape, 1) + jnp.log(sums[..., 0, :]))
-        empty = (cover.area == 0)[..., None]
         means = jax.lax.cond(
-            empty.any(),
-            lambda: jnp.where(empty, self.likelihood.log_ratio(ping, mesh.middles()), means),
+            cover.empty.any(),
+            lambda: jnp.where(cover.empty[..., None], self.likelihood.log_ratio(ping, mesh.middles()), means),
             lambda: means,
         )
         return mesh.on_grid(means)
@@ -197,7 +204,7 @@ class Guided(eqx.Module):
             for limit, steps, s in zip(self._limits, self._steps, self.mesh.finer, strict=True)
         ]
         mesh = np.meshgrid(*off, indexing="ij")
-        mean = 1 + float(self.likelihood.snr) * _response(self.likelihood.sonar, mesh)
+        mean = 1 + float(self.likelihood.snr) * self.likelihood.sonar.tabled(*mesh)
         within = np.all([np.abs(each) <= s for each, s in zip(mesh, self.swath, strict=True)], axis=0)
         constant = -np.log(mean) - quiet_bin(mean, self.likelihood.threshold)
         return jnp.asarray(np.stack([constant, 1 - 1 / mean, within]), float)
@@ -240,11 +247,6 @@ class Guided(eqx.Module):
         return Near(total + quiet, used, delay, bearing, doppler)
 
 
-def _response(sonar: ActiveSonar, off: Iterable[np.ndarray]) -> np.ndarray:
-    with jax.ensure_compile_time_eval():
-        return np.asarray(sonar.response(*(jnp.asarray(each) for each in off)), float)
-
-
 def _default_at(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], doppler: Int[Array, "..."]) -> Real:
     """Mean ratio far from any return at Doppler points; between the ends of the delays."""
     fine = mesh.finer
@@ -262,6 +264,8 @@ def _cover(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], pair: Bistatic) -> Cove
     starts = np.arange(count) if count <= 2 * ends + 1 else np.r_[: ends + 1, count - ends : count]
     edges = jnp.asarray(low + np.append(starts, count) - 0.5, float)
     middles = mesh.middles()
-    shares = mesh.shares(pair, middles.x[..., 0], middles.y[..., 0], edges)
+    shares = mesh.shares(mesh.spread(pair, middles.x[..., 0], middles.y[..., 0]), edges)
     inside = jnp.einsum("xysv,s->xyv", shares, _default_at(mesh, quiet, jnp.asarray(low + starts)) - 1)
-    return Cover(area, 1 + share * inside)
+    delay, _ = pair.echo(middles)
+    within = mesh.sonar.heard(jnp.asarray(mesh.sonar.delay.place(delay)), jnp.zeros(()))[..., 0]
+    return Cover(area, 1 + share * inside, (area == 0) & within)

@@ -16,7 +16,7 @@ its middle (its 4.3.3).
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -37,7 +37,24 @@ FAR = 10
 NARROW = 1e-3
 """Least spread of the Doppler shift over half a velocity cell; bins."""
 
+ALONG = 1e-6
+"""Slope below which a ray runs along the cells; one that runs on their edge counts to those above it."""
+
 Real = Float[Array, "..."]
+
+
+class Spread(NamedTuple):
+    """Doppler shifts that the velocities of a cell have at a place, in bins.
+
+    Attributes
+    ----------
+    middle : of the velocity in the middle of each cell.
+    half_x, half_y : to either side over the widths of a cell in vx and vy; the same for all cells.
+    """
+
+    middle: Float[Array, "*place velocity"]
+    half_x: Float[Array, "*place 1"]
+    half_y: Float[Array, "*place 1"]
 
 
 class Mesh(eqx.Module):
@@ -108,7 +125,7 @@ class Mesh(eqx.Module):
         before = jnp.floor_divide(inside, self.finer[axis])
         return edge_class(before, self.sonar.shape[axis], self.sonar.reach[axis]), inside - before * self.finer[axis]
 
-    def delay(self, number: Real) -> Real:
+    def delay(self, number: Real | Int[Array, "..."]) -> Real:
         """Seconds, of points or of places between them."""
         return self.sonar.delay.first + self.sonar.delay.step / self.finer[0] * number
 
@@ -120,7 +137,9 @@ class Mesh(eqx.Module):
     def cell(self, x: Real, y: Real) -> tuple[Int[Array, "..."], Bool[Array, "..."]]:
         """Number of the position cell, y fastest, and whether a place lies in one."""
         along_x, along_y = self.axes["x"], self.axes["y"]
-        column, row = along_x.nearest(x), along_y.nearest(y)
+        # However the cosine of a ray along an edge is rounded, its points lie in the cells that its area is in.
+        above = 10 * ALONG
+        column, row = along_x.nearest(x + above * along_x.step), along_y.nearest(y + above * along_y.step)
         inside = (column >= 0) & (column < along_x.count) & (row >= 0) & (row < along_y.count)
         return jnp.where(inside, column * along_y.count + row, 0), inside
 
@@ -137,28 +156,32 @@ class Mesh(eqx.Module):
         x, y = jnp.meshgrid(*(jnp.asarray(self.axes[name].values, float) for name in "xy"), indexing="ij")
         return PlanarState(x[..., None], y[..., None], *self.velocities)
 
-    def shares(
-        self, pair: Bistatic, x: Real, y: Real, edges: Float[Array, " edge"]
-    ) -> Float[Array, "*place strip velocity"]:
+    def spread(self, pair: Bistatic, x: Real, y: Real) -> Spread:
+        """Doppler shifts of the velocity cells at places."""
+        doppler = self.sonar.doppler
+        if doppler is None:
+            nothing = jnp.zeros((*x.shape, 1))
+            return Spread(nothing, nothing, nothing)
+        here = PlanarState(x[..., None], y[..., None], *self.velocities)
+        frequency = self.sonar.pulse.frequency
+        half = [
+            jnp.maximum(jnp.abs(each) * (self.axes[name].step / doppler.step / 2), NARROW)
+            for name, each in zip(("vx", "vy"), pair.doppler_gradient(here, frequency), strict=True)
+        ]
+        return Spread(jnp.asarray(doppler.place(pair.doppler(here, frequency))), *half)
+
+    def shares(self, spread: Spread, edges: Float[Array, "*_ edge"]) -> Float[Array, "*place strip velocity"]:
         """Share of every velocity cell between consecutive Doppler shifts.
 
         Parameters
         ----------
-        pair : source and receiver.
-        x, y : places.
-        edges : Doppler shifts, ascending; in numbers of points.
+        spread : of the velocity cells at places.
+        edges : Doppler shifts, ascending; in numbers of points, with leading axes that broadcast against the places.
         """
-        doppler = self.sonar.doppler
-        if doppler is None:
-            return jnp.ones((*x.shape, len(edges) - 1, 1))
-        here = PlanarState(x[..., None], y[..., None], *self.velocities)
-        frequency = self.sonar.pulse.frequency
-        middle = jnp.asarray(doppler.place(pair.doppler(here, frequency)))[..., None, :]
-        half = [
-            jnp.maximum(jnp.abs(each) * (self.axes[name].step / doppler.step / 2), NARROW)[..., None]
-            for name, each in zip(("vx", "vy"), pair.doppler_gradient(here, frequency), strict=True)
-        ]
-        return jnp.diff(below((edges / self.finer[2])[:, None] - middle, *half), axis=-2)
+        if self.sonar.doppler is None:
+            return jnp.ones((*spread.middle.shape[:-1], edges.shape[-1] - 1, 1))
+        middle, *half = (each[..., None, :] for each in spread)
+        return jnp.diff(below((edges / self.finer[2])[..., None] - middle, *half), axis=-2)
 
     def areas(self, pair: Bistatic) -> tuple[Float[Array, "x y"], Float[Array, "x y"]]:
         """Area of all points in every position cell, and of those that are heard; m^2."""
@@ -178,8 +201,8 @@ class Mesh(eqx.Module):
     ) -> tuple[Float[Array, "ray slab 2"], Float[Array, "ray slab 2"]]:
         """Area along every ray up to its ends in every slab of cells: of all points, and of those that are heard."""
         axis = self.axes[name]
-        safe = jnp.where(jnp.abs(slope) < 1e-9, 1e-9, slope)[:, None]
-        # A ray that runs along an axis never leaves its slab; a number far outside the grid says so and stays finite.
+        safe = jnp.where(jnp.abs(slope) < ALONG, ALONG, slope)[:, None]
+        # A ray that runs along the cells never leaves its slab; a number far outside the grid says so and stays finite.
         distance = jnp.clip((jnp.asarray(axis.edges, float) - start) / safe, 0, FAR * axis.step * axis.count)
         nothing = jnp.zeros(())
         place = PlanarState(
@@ -220,6 +243,8 @@ def below(x: Any, a: Any, b: Any) -> Any:
     [0.0, 0.25, 0.5, 1.0]
     """
     small, large = jnp.minimum(a, b), jnp.maximum(a, b)
+    # Quotients once for all x: a and b are much smaller arrays.
+    corner, side = 1 / (8 * a * b), 1 / (2 * large)
     inside = jnp.maximum(a + b - jnp.abs(x), 0)
-    tail = jnp.where(inside < 2 * small, inside * inside / (8 * a * b), (inside - small) / (2 * large))
+    tail = jnp.where(inside < 2 * small, inside * inside * corner, (inside - small) * side)
     return jnp.where(x > 0, 1 - tail, tail)

@@ -25,6 +25,7 @@ import math
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -171,6 +172,11 @@ class ActiveSonar(eqx.Module):
         heard = heard * self.pulse.ambiguity(delay * self.delay.step, doppler * step) ** 2
         within = (jnp.abs(delay) <= self.reach[0]) & (jnp.abs(beam) <= self.reach[1])
         return jnp.where(within & (jnp.abs(doppler) <= self.reach[2]), heard, 0)
+
+    def tabled(self, delay: np.ndarray, beam: np.ndarray, doppler: np.ndarray) -> Float[np.ndarray, "..."]:
+        """`response` at fixed offsets as plain numbers, also while something is being traced."""
+        with jax.ensure_compile_time_eval():
+            return np.asarray(self.response(jnp.asarray(delay), jnp.asarray(beam), jnp.asarray(doppler)), float)
 
 
 class Ping(eqx.Module):

@@ -86,7 +86,7 @@ def capacity_for(likelihood: ExceedanceLikelihood) -> int:
     clutter = likelihood.sonar.size * np.exp(-likelihood.threshold)
     sonar = likelihood.sonar
     around = [np.arange(-reach, reach + 1.0) for reach in sonar.reach]
-    response = np.asarray(sonar.response(*(jnp.asarray(each) for each in np.meshgrid(*around, indexing="ij"))))
+    response = sonar.tabled(*np.meshgrid(*around, indexing="ij"))
     echo = np.exp(-likelihood.threshold / (1 + float(likelihood.snr) * response)).sum()
     expected = clutter + echo
     return int(16 * np.ceil((expected + 5 * np.sqrt(expected) + 8) / 16))

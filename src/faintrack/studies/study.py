@@ -24,6 +24,7 @@ from jaxtyping import Array, Int, PRNGKeyArray
 from faintrack.errors import InputError
 
 STUDIES = {
+    "aughenbaugh2010": "faintrack.studies.aughenbaugh2010:study",
     "bosser2022": "faintrack.studies.bosser2022:study",
     "stone2002": "faintrack.studies.stone2002:study",
 }
@@ -47,6 +48,7 @@ class Setting:
     parameters : what `run` is called with beside the key; numbers, which do not make it compile again.
     scans : of a run; says how long one takes beside those of other settings.
     batch : runs computed side by side.
+    address : part of the address of its runs; settings with the same one draw the same data. Its name where not given.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Setting:
     parameters: Mapping[str, float] = field(default_factory=dict)
     scans: int = 1
     batch: int = 32
+    address: str = ""
 
 
 @dataclass(frozen=True)
@@ -130,9 +133,9 @@ def load(where: str) -> Study:
 
     Examples
     --------
-    >>> load("nothing")
+    >>> load("nothing")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    faintrack.errors.InputError: no study is called nothing; expected one of bosser2022, stone2002, or module:attribute.
+    faintrack.errors.InputError: no study is called nothing; expected one of aughenbaugh2010, ...
     """
     place = STUDIES.get(where, where)
     module, _, attribute = place.partition(":")
@@ -163,7 +166,7 @@ def address(seed: int, setting: str, run: int | Int[Array, ""]) -> PRNGKeyArray:
 def run_batch(where: str, setting_name: str, seed: int, first: int) -> dict[str, np.ndarray]:
     """One batch of runs, from the run `first` on; first axis of every array: runs."""
     setting = load(where).setting(setting_name)
-    keys = jax.vmap(lambda run: address(seed, setting.name, run))(first + np.arange(setting.batch))
+    keys = jax.vmap(lambda run: address(seed, setting.address or setting.name, run))(first + np.arange(setting.batch))
     parameters = {name: np.float32(value) for name, value in setting.parameters.items()}
     return {name: np.asarray(values) for name, values in _batched(setting.run)(keys, parameters).items()}
 

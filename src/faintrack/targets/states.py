@@ -58,3 +58,22 @@ class PlanarState(eqx.Module):
     vy: Float[Array, "..."]
     angles: ClassVar[tuple[str, ...]] = ()
     rates: ClassVar[dict[str, str]] = {"x": "vx", "y": "vy"}
+
+
+class PlanarSnrState(eqx.Module):
+    """Position, velocity and how loud the target is.
+
+    Attributes
+    ----------
+    x, y : east and north; metres.
+    vx, vy : their rates; m/s.
+    snr_db : mean power of its echo over that of the noise; dB. It stays as it is.
+    """
+
+    x: Float[Array, "..."]
+    y: Float[Array, "..."]
+    vx: Float[Array, "..."]
+    vy: Float[Array, "..."]
+    snr_db: Float[Array, "..."]
+    angles: ClassVar[tuple[str, ...]] = ()
+    rates: ClassVar[dict[str, str]] = {"x": "vx", "y": "vy"}
