@@ -54,6 +54,7 @@ sphinx_gallery_conf = {
             "plot_dim_aircraft.py",
             "plot_sea_clutter.py",
             "plot_marine_radar.py",
+            "plot_active_sonar.py",
         ]
     ),
     "show_memory": False,
