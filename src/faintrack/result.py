@@ -1,12 +1,13 @@
-"""What came out of a recording or a sequence: frames as named variables with units, and the tracks in them."""
+"""What came out of a recording, frames or pings: every scan as named variables with units, and the tracks in them."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 
+from faintrack.grids import Grid
 from faintrack.recording import Recording
 from faintrack.scenario.build_frames import frame_interval, units_of
 from faintrack.scenario.model import Scenario
@@ -14,6 +15,7 @@ from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import bearings
 from faintrack.sequence import Sequence
 from faintrack.signal.frames import FrameBlock
+from faintrack.targets.states import PlanarState
 from faintrack.trackers.single import Estimate
 from faintrack.tracks import BearingTrack, PositionTrack, bearing_tracks, position_tracks
 
@@ -23,14 +25,15 @@ HALF = float(np.finfo(np.float16).max)
 
 @dataclass(frozen=True)
 class Result:
-    """What came out of a recording or a sequence of frames.
+    """What came out of a recording, a sequence of frames or the returns of a sonar.
 
     Attributes
     ----------
-    data : one entry a frame; existence, bearing or position, record and the rest, with units in their attributes.
+    data : one entry a frame or ping; existence, bearing or position, record and the rest, with units in their
+        attributes.
     tracks : what was declared.
     scenario : what was run.
-    array : whose recording it was; None for a sequence of frames.
+    array : whose recording it was; None for frames and returns.
     seconds : that the run took.
     """
 
@@ -41,8 +44,15 @@ class Result:
     seconds: float
 
     @property
+    def kind(self) -> Literal["recording", "frames", "returns"]:
+        """What was tracked in."""
+        if self.array is not None:
+            return "recording"
+        return "frames" if self.scenario.sonar is None else "returns"
+
+    @property
     def existence(self) -> xr.DataArray:
-        """Probability that a target exists, frame by frame."""
+        """Probability that a target exists, scan by scan."""
         return self.data.existence
 
     @property
@@ -61,24 +71,26 @@ class Result:
     def summary(self) -> dict[str, Any]:
         """Tracks and speed as plain values, for programs.
 
-        `seconds` is what the run took, `realtime_factor` the length of the recording over it, `masked_frames` the
-        number of frames of a recording in which a channel was left out because a sample was not finite.
+        `frames` or `pings` is their number, `seconds` what the run took, `realtime_factor` the length of the recording
+        over it, `masked_frames` the number of frames of a recording in which a channel was left out because a sample
+        was not finite.
         """
-        frames = self.data.sizes["time"]
-        recorded = self.array is not None
-        interval = self.scenario.analysis.frame if recorded else self.data.attrs["frame_interval"]
+        scans = self.data.sizes["time"]
+        scan = "ping" if self.kind == "returns" else "frame"
+        recorded = self.kind == "recording"
+        interval = self.scenario.analysis.frame if recorded else self.data.attrs[f"{scan}_interval"]
         masked = {"masked_frames": int((self.data.masked_channels > 0).sum())} if recorded else {}
         return {
             "tracks": [track.as_dict() for track in self.tracks],
-            "frames": frames,
+            f"{scan}s": scans,
             "seconds": self.seconds,
-            "realtime_factor": frames * interval / self.seconds,
+            "realtime_factor": scans * interval / self.seconds,
             **masked,
         }
 
 
 def positions(data: xr.Dataset) -> list[str]:
-    """Components of the position in the data of a sequence; none in those of a recording."""
+    """Components of the position in the data of frames or returns; none in those of a recording."""
     return [name for name in ("x", "y", "range") if name + "_std" in data]
 
 
@@ -108,23 +120,20 @@ def frames_dataset(
     beams = record.shape[1]
     bearing = np.degrees(bearings(beams, array.circular))
 
-    def per_frame(values: Any, units: str, long_name: str, **more: str) -> tuple[str, np.ndarray, dict[str, str]]:
-        return "time", np.asarray(values), {"units": units, "long_name": long_name, **more}
-
     deg = np.degrees
     masked = (~block.usable & array.alive).sum(axis=1).astype(np.int32)
     return xr.Dataset(
         {
-            "existence": per_frame(estimates.existence, "1", "probability that a target exists"),
-            "label": per_frame(estimates.label, "1", "track in hand, 0 where there is none"),
-            "track_existence": per_frame(estimates.track_existence, "1", "probability that the track's target exists"),
-            "bearing": per_frame(deg(estimates.mean.bearing), long_name="bearing", **degrees),
-            "bearing_std": per_frame(deg(estimates.std.bearing), "degree", "standard deviation of the bearing"),
-            "bearing_rate": per_frame(deg(estimates.mean.bearing_rate), "degree/s", "bearing rate"),
-            "snr": per_frame(estimates.mean.snr_db, "dB", "signal to noise ratio at one channel"),
-            "snr_std": per_frame(estimates.std.snr_db, "dB", "standard deviation of the signal to noise ratio"),
-            "log_evidence": per_frame(estimates.log_evidence, "1", "log of the mean likelihood ratio"),
-            "masked_channels": per_frame(masked, "1", "channels left out, samples not finite"),
+            "existence": _each(estimates.existence, "1", "probability that a target exists"),
+            "label": _each(estimates.label, "1", "track in hand, 0 where there is none"),
+            "track_existence": _each(estimates.track_existence, "1", "probability that the track's target exists"),
+            "bearing": _each(deg(estimates.mean.bearing), long_name="bearing", **degrees),
+            "bearing_std": _each(deg(estimates.std.bearing), "degree", "standard deviation of the bearing"),
+            "bearing_rate": _each(deg(estimates.mean.bearing_rate), "degree/s", "bearing rate"),
+            "snr": _each(estimates.mean.snr_db, "dB", "signal to noise ratio at one channel"),
+            "snr_std": _each(estimates.std.snr_db, "dB", "standard deviation of the signal to noise ratio"),
+            "log_evidence": _each(estimates.log_evidence, "1", "log of the mean likelihood ratio"),
+            "masked_channels": _each(masked, "1", "channels left out, samples not finite"),
             "record": (
                 ("time", "beam"),
                 record,
@@ -155,21 +164,7 @@ def sequence_dataset(
     sequence : that they belong to.
     """
     axes = dict(sequence.axes)
-    told = {
-        "existence": (estimates.existence, "1", "probability that a target exists"),
-        "label": (estimates.label, "1", "track in hand, 0 where there is none"),
-        "track_existence": (estimates.track_existence, "1", "probability that the track's target exists"),
-        "log_evidence": (estimates.log_evidence, "1", "log of the mean likelihood ratio"),
-    }
-    for field in fields(estimates.mean):
-        name, unit = field.name, units_of(field.name, axes)
-        long_name = name.replace("_", " ")
-        told[_mean(name)] = (getattr(estimates.mean, name), unit, f"mean {long_name}")
-        told[f"{name}_std"] = (getattr(estimates.std, name), unit, f"standard deviation of {long_name}")
-    variables: dict[str, Any] = {
-        name: ("time", np.asarray(values), {"units": unit, "long_name": long_name})
-        for name, (values, unit, long_name) in told.items()
-    }
+    variables = _estimated(estimates, lambda name: units_of(name, axes))
     names = {"record": "value over what is expected without a target", "surface": SURFACE}
     for name, values in rows.items():
         half = np.clip(values, -HALF, HALF).astype(np.float16)
@@ -177,6 +172,55 @@ def sequence_dataset(
     coordinates = _coordinates(sequence) if rows else {}
     coordinates["time"] = ("time", times, {"units": "s", "long_name": "time from the first frame"})
     return xr.Dataset(variables, coordinates, _attributes(sequence))
+
+
+def pings_dataset(
+    times: np.ndarray, estimates: Estimate, modes: PlanarState, more: dict[str, np.ndarray], attributes: dict[str, Any]
+) -> xr.Dataset:
+    """Estimates of consecutive pings as named variables with units.
+
+    Parameters
+    ----------
+    times : of the pings, from the first; seconds.
+    estimates : of the tracker, stacked.
+    modes : middle of the cell with the highest probability after each ping.
+    more : by name, `returns`, their number, and `source_x`, `source_y`, `receiver_x`, `receiver_y`; m.
+    attributes : of the whole.
+    """
+    variables = _estimated(estimates, _of_plane)
+    for field in fields(modes):
+        unit, values = _of_plane(field.name), np.asarray(getattr(modes, field.name))
+        variables[f"{field.name}_mode"] = _each(values, unit, f"most probable {field.name}")
+    for name, values in more.items():
+        unit = "1" if name == "returns" else "m"
+        told = "returns of the ping" if name == "returns" else f"{name[-1]} of the {name[:-2]}"
+        variables[name] = _each(values, unit, told)
+    coordinates = {"time": ("time", times, {"units": "s", "long_name": "time from the first ping"})}
+    return xr.Dataset(variables, coordinates, attributes)
+
+
+def marginals_dataset(
+    times: np.ndarray, position: np.ndarray, velocity: np.ndarray, grid: Grid, attributes: dict[str, Any]
+) -> xr.Dataset:
+    """What is believed of position and velocity after some pings, with a snapshot axis in place of time.
+
+    Parameters
+    ----------
+    times : of the pings, from the first; seconds.
+    position, velocity : log of the probability of every cell, if a target exists; shapes (snapshot, x, y) and
+        (snapshot, vx, vy).
+    grid, attributes : of the whole.
+    """
+    coordinates: dict[str, Any] = {
+        name: (name, axis.values, {"units": _of_plane(name), "long_name": name}) for name, axis in grid.axes
+    }
+    coordinates["snapshot"] = ("snapshot", times, {"units": "s", "long_name": "time from the first ping"})
+    told = "log of the probability of a cell of {}, if a target exists"
+    variables = {
+        "position": (("snapshot", "x", "y"), position, {"units": "1", "long_name": told.format("position")}),
+        "velocity": (("snapshot", "vx", "vy"), velocity, {"units": "1", "long_name": told.format("velocity")}),
+    }
+    return xr.Dataset(variables, coordinates, attributes)
 
 
 def pictures_dataset(times: np.ndarray, frames: np.ndarray, surfaces: np.ndarray, sequence: Sequence) -> xr.Dataset:
@@ -199,6 +243,32 @@ def joined(blocks: Iterable[xr.Dataset]) -> xr.Dataset:
 
 
 SURFACE = "log of the target likelihood ratio"
+
+
+def _each(values: Any, units: str, long_name: str, **more: str) -> tuple[str, np.ndarray, dict[str, str]]:
+    """A variable with one value a frame or ping."""
+    return "time", np.asarray(values), {"units": units, "long_name": long_name, **more}
+
+
+def _estimated(estimates: Estimate, unit_of: Callable[[str], str]) -> dict[str, Any]:
+    """Variables of what a tracker says, with the mean and the standard deviation of each component of the state."""
+    variables: dict[str, Any] = {
+        "existence": _each(estimates.existence, "1", "probability that a target exists"),
+        "label": _each(estimates.label, "1", "track in hand, 0 where there is none"),
+        "track_existence": _each(estimates.track_existence, "1", "probability that the track's target exists"),
+        "log_evidence": _each(estimates.log_evidence, "1", "log of the mean likelihood ratio"),
+    }
+    for field in fields(estimates.mean):
+        name, unit, long_name = field.name, unit_of(field.name), field.name.replace("_", " ")
+        variables[_mean(name)] = _each(getattr(estimates.mean, name), unit, f"mean {long_name}")
+        std = getattr(estimates.std, name)
+        variables[f"{name}_std"] = _each(std, unit, f"standard deviation of {long_name}")
+    return variables
+
+
+def _of_plane(name: str) -> str:
+    """Unit of a component in the plane."""
+    return "m" if name in ("x", "y") else "m/s"
 
 
 def _mean(name: str) -> str:

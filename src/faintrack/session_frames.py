@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from faintrack.errors import InputError, naming
 from faintrack.result import Result, pictures_dataset, sequence_dataset
@@ -26,7 +26,7 @@ from faintrack.signal.scans import Background
 from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 
 SNAPSHOTS = 8
-"""Images kept at most, evenly spaced in time, the last one among them."""
+"""Images kept at most."""
 
 LARGEST_VALUE = 1e15
 """Of a frame: squares of many values are added up in single precision."""
@@ -75,8 +75,8 @@ def track_frame_blocks(sequence: Sequence, scenario: Scenario, block_frames: int
     cells, images = Cells(sequence.axes), len(sequence.axes) > 1
     if block_frames is None:
         block_frames = int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, min(LONGEST_BLOCK, sequence.length)))
-    count = min(SNAPSHOTS, sequence.length) if images else 0
-    snapshots = (np.arange(1, count + 1) * sequence.length) // max(count, 1) - 1
+    snapshots = snapshots_of(sequence.length if images else 0)
+    count = len(snapshots)
     key = jax.random.key(scenario.filter.seed)
     power = holds_power(scenario, sequence)
     first = jnp.asarray(_checked(sequence.read(0, 1), 0, power, sequence.source)[0])
@@ -89,7 +89,7 @@ def track_frame_blocks(sequence: Sequence, scenario: Scenario, block_frames: int
         used, missing = len(frames), block_frames - len(frames)
         numbers = np.arange(number, number + used)
         kept += list(frames[np.isin(numbers, snapshots)])
-        slots = np.where(np.isin(numbers, snapshots), np.searchsorted(snapshots, numbers), count)
+        slots = slots_of(numbers, snapshots)
         # From the first frame: single precision resolves no day in frames of a video.
         times = file_times - sequence.times[0]
         padding = [(0, missing)]
@@ -112,6 +112,23 @@ def track_frame_blocks(sequence: Sequence, scenario: Scenario, block_frames: int
         yield pictures_dataset(
             sequence.times[snapshots] - sequence.times[0], np.stack(kept), np.asarray(carried[2]), sequence
         )
+
+
+def snapshots_of(length: int) -> Int[np.ndarray, " snapshot"]:
+    """Numbers of the scans of which more is kept: `SNAPSHOTS` at most, evenly spaced, the last one among them.
+
+    Examples
+    --------
+    >>> snapshots_of(20).tolist(), snapshots_of(3).tolist()
+    ([1, 4, 6, 9, 11, 14, 16, 19], [0, 1, 2])
+    """
+    count = min(SNAPSHOTS, length)
+    return (np.arange(1, count + 1) * length) // max(count, 1) - 1
+
+
+def slots_of(numbers: Int[np.ndarray, " scan"], snapshots: Int[np.ndarray, " snapshot"]) -> Int[np.ndarray, " scan"]:
+    """Place of every scan among those of which more is kept; their number where it is none of them."""
+    return np.where(np.isin(numbers, snapshots), np.searchsorted(snapshots, numbers), len(snapshots))
 
 
 def _checked(frames: np.ndarray, number: int, power: bool, source: str) -> Float[np.ndarray, "frame *cells"]:

@@ -82,12 +82,12 @@ def bearing_tracks(
 
 @dataclass(frozen=True)
 class PositionTrack:
-    """One target in frames from its declaration to its end.
+    """One target in frames or returns from its declaration to its end.
 
     Attributes
     ----------
     label : running number from 1.
-    start_s, end_s : of the first and the last frame of the track; seconds from the first frame.
+    start_s, end_s : of the first and the last frame or ping of the track; seconds from the first of all.
     start, end : mean position at these, by component; unit of the axes.
     speed : distance between the two over the time between them; unit of the axes a second, 0 for a single frame.
     existence_max : largest probability that the track's target exists.

@@ -72,7 +72,8 @@ def track(
         list[Path],
         typer.Argument(
             help="WAV, FLAC, HDF5, Zarr, SAC, miniSEED; channels of several files are put side by side. "
-            "Or frames: TIFF, npz, a folder of PNG; MAT, Zarr with a scenario that has \\[frames]."
+            "Or frames: TIFF, npz, a folder of PNG; MAT, Zarr with a scenario that has \\[frames]. "
+            "Or returns of an active sonar: CSV, Zarr with a scenario that has \\[sonar]."
         ),
     ],
     array: ArrayFile = None,
@@ -83,24 +84,28 @@ def track(
     out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Find and follow the sources in a recording of an array, or the targets in images and radar frames.
+    """Find and follow the sources in a recording of an array, or the targets in images, radar frames, sonar returns.
 
     Example: [bold]faintrack track night.wav --array array.toml --band 100 1500 --out night[/bold]
 
     Example: [bold]faintrack track frames.tif --out frames[/bold]
+
+    Example: [bold]faintrack track returns.csv --scenario scenario.toml --out returns[/bold]
     """
-    from faintrack.cli.running import frames_scenario, open_sequence, run_track, run_track_frames, scenario_and_array
+    from faintrack.cli import running
     from faintrack.cli.tables import print_tracks
-    from faintrack.io import match_channels, read
+    from faintrack.io import match_channels, read, read_returns
 
     only_array = {"--array": array, "--band": band, "--frame": frame, "--method": method}
-    for_frames = frames_scenario(recording, scenario, only_array)
-    if for_frames is not None:
-        result = run_track_frames(open_sequence(recording[0], for_frames), for_frames, out, quiet=as_json)
+    alone = running.scenario_without_array(recording, scenario, only_array)
+    if alone is not None and alone.sonar is not None:
+        result = running.run_track_returns(read_returns(recording[0]), alone, out, quiet=as_json)
+    elif alone is not None:
+        result = running.run_track_frames(running.open_sequence(recording[0], alone), alone, out, quiet=as_json)
     else:
-        what, geometry = scenario_and_array(scenario, array, band, frame, method)
+        what, geometry = running.scenario_and_array(scenario, array, band, frame, method)
         samples = read(*recording)
-        result = run_track(samples, match_channels(geometry, samples), what, out, quiet=as_json)
+        result = running.run_track(samples, match_channels(geometry, samples), what, out, quiet=as_json)
     if as_json:
         print(json.dumps(result.summary()))
     else:

@@ -16,10 +16,12 @@ from faintrack.calibration import Calibrated, calibrate
 from faintrack.errors import InputError, naming
 from faintrack.io import read_array, read_sequence, write_recording
 from faintrack.io.results import read_result, result_folder, write_result
+from faintrack.io.returns import holds_returns
 from faintrack.io.sequences import holds_frames
 from faintrack.plots.report import write_report
 from faintrack.recording import Recording
 from faintrack.result import Result
+from faintrack.returns import Returns
 from faintrack.scenario import read as read_scenario
 from faintrack.scenario.array import build
 from faintrack.scenario.model import Scenario
@@ -28,6 +30,7 @@ from faintrack.sensors.array import SensorArray
 from faintrack.sequence import Sequence
 from faintrack.session import collect, track_blocks, with_analysis, with_method
 from faintrack.session_frames import track_frame_blocks, with_frames
+from faintrack.session_returns import track_ping_blocks
 from faintrack.studies.folder import open_folder
 from faintrack.studies.running import cache_folder, connect, run_missing
 from faintrack.studies.study import load
@@ -81,8 +84,13 @@ def run_track_frames(sequence: Sequence, scenario: Scenario, out: Path | None, q
     return _run_blocks(track_frame_blocks(sequence, scenario), sequence.length, scenario, None, out, quiet)
 
 
-def frames_scenario(paths: list[Path], scenario: Path | None, options: Mapping[str, object]) -> Scenario | None:
-    """Scenario for frames, where the scenario has a table of them or the file can hold nothing else; None otherwise.
+def run_track_returns(returns: Returns, scenario: Scenario, out: Path | None, quiet: bool) -> Result:
+    """Result of the returns of a sonar; where `out` is given it is kept there with its report."""
+    return _run_blocks(track_ping_blocks(returns, scenario), returns.length, scenario, None, out, quiet)
+
+
+def scenario_without_array(paths: list[Path], scenario: Path | None, options: Mapping[str, object]) -> Scenario | None:
+    """Scenario for frames or returns, where it has a table of them or the file can be nothing else; None otherwise.
 
     Parameters
     ----------
@@ -92,21 +100,31 @@ def frames_scenario(paths: list[Path], scenario: Path | None, options: Mapping[s
 
     Raises
     ------
-    InputError : a path that does not exist; frames with options of an array, or in several files.
+    InputError : a path that does not exist; returns without a scenario; frames or returns with options of an array, or
+        in several files.
     """
     for path in paths:
         if not path.exists():
             raise InputError(f"{path} does not exist.")
     what = None if scenario is None else read_scenario(scenario)
     given = [name for name, value in options.items() if value is not None]
-    asked = what is not None and what.frames is not None
-    if not asked and (given or (what is not None and what.array is not None) or not all(map(holds_frames, paths))):
-        return None
+    table = None if what is None else next((name for name in ("sonar", "frames") if getattr(what, name)), None)
+    if table is None:
+        lone = next(filter(holds_returns, paths), None)
+        if lone is not None:
+            raise InputError(f"{lone} holds returns of a sonar; expected a --scenario FILE with [sonar] and [grid].")
+        if given or (what is not None and what.array is not None) or not all(map(holds_frames, paths)):
+            return None
     if given:
-        raise InputError(f"{scenario} has [frames]; expected no {given[0]}, which is for recordings of an array.")
+        raise InputError(f"{scenario} has [{table}]; expected no {given[0]}, which is for recordings of an array.")
     if len(paths) > 1:
-        raise InputError(f"{len(paths)} files of frames were given; expected one file, or one folder of PNG files.")
-    return with_frames(what)
+        told = (
+            "returns were given; expected one file"
+            if table == "sonar"
+            else "frames were given; expected one file, or one folder of PNG files"
+        )
+        raise InputError(f"{len(paths)} files of {told}.")
+    return what if table == "sonar" else with_frames(what)
 
 
 def open_sequence(path: Path, scenario: Scenario) -> Sequence:

@@ -30,13 +30,14 @@ def print_tracks(result: Result) -> None:
     """Tracks of a result, and how fast it came."""
     if result.tracks:
         tracks = [track.as_dict() for track in result.tracks]
-        columns = BEARING_COLUMNS if result.array is not None else _position_columns(tracks[0])
+        columns = BEARING_COLUMNS if result.kind == "recording" else _position_columns(tracks[0])
         rows = ([format(track[field], form) for field, _, form in columns] for track in tracks)
         _print([heading for _, heading, _ in columns], rows)
     summary = result.summary()
     masked = f", {summary['masked_frames']} with masked channels" if summary.get("masked_frames") else ""
+    scans = "pings" if result.kind == "returns" else "frames"
     print(
-        f"{len(result.tracks)} tracks in {summary['frames']} frames{masked}; "
+        f"{len(result.tracks)} tracks in {summary[scans]} {scans}{masked}; "
         f"{summary['seconds']:.1f} s, {summary['realtime_factor']:.0f} times real time"
     )
 
@@ -99,7 +100,7 @@ def print_study(summary: dict[str, Any]) -> None:
 
 def _position_columns(track: dict[str, Any]) -> list[tuple[str, str, str]]:
     special = {"label": ("track", "d"), "existence_max": ("existence", ".4f")}
-    return [(name, *special.get(name, (name.replace("_", " "), ".4g"))) for name in track]
+    return [(name, *special.get(name, (name.replace("_", " "), ".5g"))) for name in track]
 
 
 def _interval(bounds: list[float | None]) -> str:

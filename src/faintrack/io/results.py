@@ -2,7 +2,7 @@
 
 .. code-block:: text
 
-    result.zarr      one entry a frame, axes and units in the attributes (xarray)
+    result.zarr      one entry a frame or ping, axes and units in the attributes (xarray)
     tracks.csv       one row a track
     scenario.toml    what was run, with the array if there is one; runs again as it is
     versions.json    of the software, and what the run took
@@ -83,7 +83,7 @@ def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario,
     folder : that exists and is empty.
     blocks : consecutive frames; see `faintrack.session.track_blocks` and, for those without a time axis, which are
         added as they are, `faintrack.session_frames.track_frame_blocks`.
-    scenario, array : what was run; no array for a sequence of frames.
+    scenario, array : what was run; no array for frames and returns.
     """
     start = clock.perf_counter()
     store = folder / "result.zarr"
@@ -139,8 +139,8 @@ def read_result(folder: str | Path) -> Result:
     if not (folder / "result.zarr").exists():
         raise InputError(f"{folder} has no result.zarr; expected the result of faintrack track --out.")
     scenario = read(folder / "scenario.toml")
-    if scenario.array is None and scenario.frames is None:
-        raise InputError(f"{folder / 'scenario.toml'} has no [array] or [frames]; expected the one that was used.")
+    if scenario.array is None and scenario.frames is None and scenario.sonar is None:
+        raise InputError(f"{folder / 'scenario.toml'} has no [array], [frames] or [sonar]; expected what was used.")
     try:
         seconds = float(json.loads((folder / "versions.json").read_text())["seconds"])
         data = _open(folder)

@@ -72,7 +72,7 @@ def write_recording(
         raise InputError(f"{path}: there are {len(channel_names)} channel names for {channels} channels.")
     content = Content(channels, sample_rate, channel_names, start_time)
     complaint = f"{path} cannot be written"
-    with _completed(path, complaint) as partial, ExitStack() as opened:
+    with completed(path, complaint) as partial, ExitStack() as opened:
         with explained(complaint):
             append = opened.enter_context(writer(partial, content))
         length = 0
@@ -110,7 +110,7 @@ def _checked(path: Path, block: np.ndarray, channels: int | None = None) -> np.n
 
 
 @contextmanager
-def _completed(path: Path, complaint: str) -> Iterator[Path]:
+def completed(path: Path, complaint: str) -> Iterator[Path]:
     """Name to write under; it becomes `path` if the block ends well, and is removed if it does not."""
     partial = path.with_name(f"{path.name}.partial")
     try:

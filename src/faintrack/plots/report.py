@@ -5,10 +5,15 @@ import html
 import io
 from pathlib import Path
 
+import numpy as np
+import xarray as xr
+
 from faintrack.plots.bearing import draw_result
 from faintrack.plots.frames import draw_frames
+from faintrack.plots.returns import draw_returns
 from faintrack.result import Result, positions
 from faintrack.scenario import to_toml
+from faintrack.scenario.build_returns import expected_returns, sonar_axes
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a;
@@ -52,9 +57,8 @@ def write_report(path: str | Path, result: Result) -> Path:
 
 def report(result: Result) -> str:
     """HTML text of a report."""
-    recorded = result.array is not None
-    facts = _about_recording(result) if recorded else _about_sequence(result)
-    shown = "Record, existence, SNR" if recorded else "Frames, existence, position"
+    facts = ABOUT[result.kind](result)
+    shown = SHOWN[result.kind]
     rows = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in facts.items())
     name = html.escape(Path(result.data.attrs["source"]).name)
     return f"""<!doctype html>
@@ -101,6 +105,44 @@ def _about_sequence(result: Result) -> dict[str, str]:
     }
 
 
+def _about_returns(result: Result) -> dict[str, str]:
+    data, sonar = result.data, result.scenario.sonar
+    assert sonar is not None
+    delay, doppler = sonar_axes(sonar)
+    sweep = f"sweep of {sonar.pulse.bandwidth:g} Hz" if sonar.pulse.bandwidth else "constant frequency"
+    bins = [f"{delay.count} delays from {delay.first:g} to {delay.last:g} s", f"{sonar.beams} beams"]
+    bins.append(
+        "no Doppler" if doppler is None else f"{doppler.count} shifts from {doppler.first:g} to {doppler.last:g} Hz"
+    )
+    return {
+        "returns": data.attrs["source"],
+        "pings": f"{data.sizes['time']}, {data.attrs['ping_interval']:g} s apart",
+        "first ping": f"{data.attrs['first_ping_time']:g} s; times are from there",
+        "returns a ping": f"{float(data.returns.mean()):.4g} on average, {int(data.returns.max())} at most; "
+        f"{expected_returns(sonar):.4g} expected of noise alone",
+        "pulse": f"{sonar.pulse.frequency:g} Hz, {sonar.pulse.duration:g} s, {sweep}",
+        "bins": ", ".join(bins),
+        "threshold": f"{sonar.threshold_db:g} dB, for a target of {sonar.snr_db:g} dB",
+        **{name: _place(data, name) for name in ("source", "receiver")},
+        "grid": " and ".join(
+            f"{data.sizes[x]} x {data.sizes[y]} cells of {_cell(data[x])} x {_cell(data[y])}"
+            for x, y in (("x", "y"), ("vx", "vy"))
+        ),
+    }
+
+
+def _place(data: xr.Dataset, platform: str) -> str:
+    """Where a platform is, or from where to where it moves."""
+    x, y = (data[f"{platform}_{name}"].values.astype(float) / 1000 for name in "xy")
+    places = [f"{east:.4g} km east, {north:.4g} km north" for east, north in ((x[0], y[0]), (x[-1], y[-1]))]
+    return places[0] if np.ptp(x) == np.ptp(y) == 0 else f"from {places[0]} to {places[1]}"
+
+
+def _cell(axis: xr.DataArray) -> str:
+    """Width of a cell with its unit."""
+    return f"{float(axis[1] - axis[0]) if axis.size > 1 else 0:.4g} {axis.attrs['units']}"
+
+
 def _position_columns(result: Result) -> tuple[tuple[str, str, str], ...]:
     data = result.data
     names = positions(data)
@@ -127,7 +169,7 @@ def _count(number: int) -> str:
 def _table(result: Result) -> str:
     if not result.tracks:
         return f"<p>Existence never reached {result.scenario.tracker.declare:g}.</p>"
-    columns = BEARING_COLUMNS if result.array is not None else _position_columns(result)
+    columns = BEARING_COLUMNS if result.kind == "recording" else _position_columns(result)
     head = "".join(f"<th>{heading}</th>" for _, heading, _ in columns)
     body = "".join(
         "<tr>" + "".join(f"<td>{form.format(track.as_dict()[field])}</td>" for field, _, form in columns) + "</tr>"
@@ -138,6 +180,15 @@ def _table(result: Result) -> str:
 
 def _picture(result: Result) -> str:
     buffer = io.BytesIO()
-    draw = draw_result if result.array is not None else draw_frames
-    draw(result).savefig(buffer, format="png", dpi=130)
+    DRAW[result.kind](result).savefig(buffer, format="png", dpi=130)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+ABOUT = {"recording": _about_recording, "frames": _about_sequence, "returns": _about_returns}
+SHOWN = {
+    "recording": "Record, existence, SNR",
+    "frames": "Frames, existence, position",
+    "returns": "Position, velocity, existence, returns",
+}
+DRAW = {"recording": draw_result, "frames": draw_frames, "returns": draw_returns}
+"""By what was tracked in: facts, heading of the picture, picture."""

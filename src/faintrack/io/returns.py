@@ -1,0 +1,154 @@
+"""Returns of an active sonar as files: CSV, or Zarr in xarray's way.
+
+What `faintrack.io.recordings` is for samples this is for returns. Both kinds of file have the columns of
+`faintrack.returns.from_columns`, a row for every return and one with its time alone for a ping without any:
+
+.. code-block:: text
+
+    time_s,delay_s,bearing_deg,snr_db
+    0,9.4512,318.4,10.31
+    0,21.0077,12.1,11.90
+    180,,,
+    360,9.3820,318.6,15.72
+
+In CSV the first row names the columns, in any order, and a missing value is empty. In Zarr every column is an array
+with one axis, `return`, and a missing value is not a number.
+"""
+
+import array
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from faintrack.errors import InputError, naming
+from faintrack.io.checks import explained, require_file, require_numeric
+from faintrack.io.variables import open_zarr
+from faintrack.io.write_recordings import completed
+from faintrack.returns import Returns, from_columns, require_names, to_columns
+
+SUFFIXES = (".csv", ".zarr")
+
+
+def read_returns(path: str | Path) -> Returns:
+    """Returns of a file.
+
+    Parameters
+    ----------
+    path : CSV file or Zarr folder, told by suffix.
+
+    Returns
+    -------
+    Returns; their rows are those of the file, in CSV as an editor counts its lines, in Zarr from 0.
+
+    Raises
+    ------
+    InputError : the file is missing, unknown, damaged or empty; its columns are not those of returns; a value is not
+        what it has to be, see `faintrack.returns.from_columns`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "returns.csv"
+    ...     _ = path.write_text("time_s,delay_s,bearing_deg,snr_db\\n0,9.5,90,13\\n180,,,\\n")
+    ...     returns = read_returns(path)
+    >>> returns.times.tolist(), returns.counts.tolist()
+    ([0.0, 180.0], [1, 0])
+    """
+    path = Path(path)
+    suffix = _suffix(path)
+    if suffix == ".csv":
+        columns, rows = _read_csv(path)
+        return from_columns(columns, rows, str(path))
+    return from_columns(_read_zarr(path), None, str(path))
+
+
+def write_returns(path: str | Path, returns: Returns) -> None:
+    """Write returns to a file, beside its place first and then renamed; `read_returns` gives them back.
+
+    Parameters
+    ----------
+    path : CSV file or Zarr folder, told by suffix. An earlier one is replaced.
+    returns : what to write. Numbers have nine digits in CSV.
+
+    Raises
+    ------
+    InputError : the suffix is unknown, or the file cannot be written.
+    """
+    import xarray as xr
+
+    path = Path(path)
+    suffix, columns = _suffix(path), to_columns(returns)
+    complaint = f"{path} cannot be written"
+    with completed(path, complaint) as partial, explained(complaint):
+        if suffix == ".csv":
+            with partial.open("w", newline="") as file:
+                writer = csv.writer(file)
+                writer.writerow(columns)
+                for row in zip(*columns.values(), strict=True):
+                    writer.writerow(["" if np.isnan(value) else f"{value:.9g}" for value in row])
+        else:
+            data = xr.Dataset({name: ("return", column) for name, column in columns.items()})
+            data.to_zarr(partial, zarr_format=2)
+
+
+def holds_returns(path: Path) -> bool:
+    """Whether a path can be nothing else than returns: CSV; Zarr holds samples and frames too."""
+    return path.suffix.lower() == ".csv"
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: unknown kind of file; expected {' or '.join(SUFFIXES)} for returns.")
+    return suffix
+
+
+def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Columns, and the line in the file of every row."""
+    require_file(path)
+    with explained(f"{path} cannot be read as CSV"), path.open(newline="", encoding="utf-8-sig") as file:
+        reader = csv.reader(file)
+        names = [name.strip() for name in next(reader)]
+        require_names(names, str(path))
+        columns = [array.array("d") for _ in names]
+        lines = array.array("q")
+        for row in reader:
+            if not any(map(str.strip, row)):
+                continue
+            if len(row) != len(names):
+                raise InputError(
+                    f"{path}, row {reader.line_num}: {len(row)} values; expected {len(names)}, as the names."
+                )
+            lines.append(reader.line_num)
+            for name, column, text in zip(names, columns, row, strict=True):
+                column.append(_number(text.strip(), f"{path}, row {reader.line_num}: {name}"))
+    return dict(zip(names, map(np.asarray, columns), strict=True)), np.array(lines, np.int64)
+
+
+def _number(text: str, field: str) -> float:
+    """Number of a text; not a number where it is empty."""
+    if not text:
+        return np.nan
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise InputError(f"{field} is {text!r}; expected a number.")
+    return value
+
+
+def _read_zarr(path: Path) -> dict[str, np.ndarray]:
+    columns = {}
+    with naming(path):
+        for name, variable in open_zarr(path).items():
+            if name == "return":  # numbers of the rows
+                continue
+            require_numeric(variable.dtype, name)
+            packed = variable.attributes.keys() & {"scale_factor", "add_offset"}
+            if packed:
+                raise InputError(f"{name} is packed with {min(packed)}; expected plain values.")
+            columns[name] = variable.read((slice(None),) * len(variable.shape))
+    return columns

@@ -1,0 +1,222 @@
+"""From the tables of a scenario to what tracks in the returns of a sonar: bins, likelihood, grid, tracker."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+
+from faintrack.axis import Axis, between
+from faintrack.errors import InputError
+from faintrack.filters.grid import GridFilter
+from faintrack.filters.separable import POINTS, separable
+from faintrack.grids import Grid
+from faintrack.likelihoods.exceedances import ExceedanceLikelihood
+from faintrack.likelihoods.guided import Guided
+from faintrack.returns import PLATFORMS, Returns
+from faintrack.scenario.model import GridTable, Scenario, SonarTable
+from faintrack.sensors.active import ActiveSonar, Pulse
+from faintrack.sensors.bistatic import Bistatic, fixed
+from faintrack.signal.pings import Binned, in_bins
+from faintrack.targets.motion import OrnsteinUhlenbeck
+from faintrack.targets.states import PlanarState
+from faintrack.targets.target import Target, UniformBirth
+from faintrack.trackers.single import SingleTargetTracker
+
+VELOCITY_SHARE = 0.4
+"""Standard deviation of a velocity component in the long run, over the grid's largest."""
+
+UNEVEN = 0.02
+"""Of an interval: how far a ping may be from a whole number of them after the one before."""
+
+LARGEST_GRID = 20_000_000
+"""Cells of a grid at most: each takes some fifty bytes."""
+
+LARGEST_TABLE = 20_000_000
+"""Numbers at most in what is held besides: samples of a ping, pairs of its returns, tables of likelihood and motion."""
+
+
+def ping_interval(returns: Returns) -> float:
+    """Seconds from ping to ping, of which every interval is a whole multiple.
+
+    Raises
+    ------
+    InputError : one ping alone, or intervals that are not multiples of the shortest.
+    """
+    if returns.length < 2:
+        raise InputError(
+            f"{returns.origin}: there is one ping; expected two or more, from which their interval is known."
+        )
+    intervals = np.diff(returns.times)
+    shortest = float(intervals.min())
+    # The shortest is one of several that are rounded in the file: their mean is nearer.
+    interval = float(np.mean(intervals[intervals < 1.5 * shortest]))
+    off = np.abs(intervals / interval - np.round(intervals / interval))
+    if off.max() > UNEVEN:
+        number = int(np.argmax(off > UNEVEN)) + 1
+        raise InputError(
+            f"{returns.origin}: the ping with time_s {returns.times[number]:.10g} comes {intervals[number - 1]:.6g} s "
+            f"after the one before; expected whole multiples of one interval, {interval:.6g} s."
+        )
+    return interval
+
+
+def build_grid(scenario: Scenario) -> Grid:
+    """Grid of a scenario.
+
+    Raises
+    ------
+    InputError : too many cells.
+    """
+    table = scenario.grid
+    assert table is not None, "returns are tracked with a table of the grid"
+    speed = between(-table.speed, table.speed, table.speeds)
+    x, y = (between(*ends, count) for ends, count in zip((table.x, table.y), table.cells, strict=True))
+    grid = Grid(PlanarState, (("x", x), ("y", y), ("vx", speed), ("vy", speed)))
+    if grid.size > LARGEST_GRID:
+        listed = " x ".join(map(str, grid.shape))
+        raise InputError(
+            f"the grid has {listed} cells, more than {LARGEST_GRID:,}; expected fewer grid.cells or grid.speeds."
+        )
+    return grid
+
+
+def build_sonar(table: SonarTable) -> ActiveSonar:
+    """Sonar of a scenario, with source and receiver if it says of both where they stand."""
+    delay, doppler = sonar_axes(table)
+    pair = None
+    if table.source is not None and table.receiver is not None:
+        pair = Bistatic(fixed(*table.source), fixed(*table.receiver), table.sound_speed)
+    return ActiveSonar(
+        Pulse(**table.pulse.model_dump()),
+        delay,
+        table.beams,
+        math.radians(table.beam_width_deg),
+        doppler,
+        pair,
+        _around(table.reach, table),
+    )
+
+
+def build_moving(table: SonarTable, returns: Returns) -> Bistatic | None:
+    """Source and receiver in every ping; None where both stand still.
+
+    Raises
+    ------
+    InputError : neither scenario nor returns tell where source or receiver are.
+    """
+    placed, moves = {}, False
+    for name, columns in PLATFORMS.items():
+        moving, still = getattr(returns, name), getattr(table, name)
+        if moving is None and still is None:
+            raise InputError(
+                f"sonar.{name} is missing; expected metres east and north, or the columns {', '.join(columns)} "
+                "in the returns."
+            )
+        values = np.broadcast_to([*still, 0.0, 0.0], (returns.length, 4)) if moving is None else moving
+        placed[name] = PlanarState(*(jnp.asarray(part, float) for part in values.T))
+        moves = moves or moving is not None
+    return Bistatic(**placed, sound_speed=table.sound_speed) if moves else None
+
+
+def sonar_axes(table: SonarTable) -> tuple[Axis, Axis | None]:
+    """Bins of delay and, where it is measured, of Doppler."""
+    doppler = None if table.doppler is None else _axis(table.doppler, table.doppler_bins, table.doppler_step)
+    return _axis(table.delay, table.delay_bins, table.delay_step), doppler
+
+
+def expected_returns(table: SonarTable) -> float:
+    """Number of returns of a ping without a target, on average."""
+    delay, doppler = sonar_axes(table)
+    size = delay.count * table.beams * (1 if doppler is None else doppler.count)
+    return size * math.exp(-(10 ** (table.threshold_db / 10)))
+
+
+def _around(bins: tuple[int, int, int], table: SonarTable) -> tuple[int, int, int]:
+    """Bins on either side, in bearing no more than there are."""
+    return bins[0], min(bins[1], (table.beams - 1) // 2), bins[2]
+
+
+def _axis(ends: tuple[float, float], bins: int | None, step: float | None) -> Axis:
+    first, last = ends
+    if step is None:
+        assert bins is not None
+        return Axis(first, (last - first) / (bins - 1), bins)
+    return Axis(first, step, round((last - first) / step) + 1)
+
+
+def build_binned(scenario: Scenario, returns: Returns) -> Binned:
+    """Returns in the bins of a scenario's sonar.
+
+    Raises
+    ------
+    InputError : a return that the sonar cannot have heard, see `faintrack.signal.pings.in_bins`; source or receiver are
+        nowhere.
+    """
+    table = scenario.sonar
+    assert table is not None, "returns are tracked with a table of the sonar"
+    moving = build_moving(table, returns)
+    return in_bins(returns, build_sonar(table), 10 ** (table.threshold_db / 10), moving)
+
+
+def build_returns_tracker(scenario: Scenario, binned: Binned, grid: Grid) -> SingleTargetTracker:
+    """Tracker of a scenario for the returns of a sonar.
+
+    Raises
+    ------
+    InputError : the pings are not evenly spaced, the samples of a ping are too many, or targets pass the grid between
+        two pings.
+    """
+    sonar_table, grid_table, target_table = scenario.sonar, scenario.grid, scenario.target
+    assert sonar_table is not None, "returns are tracked with a table of the sonar"
+    assert grid_table is not None, "and with one of the grid"
+    interval = ping_interval(binned.returns)
+    noise = target_table.velocity_noise
+    if noise is None:
+        noise = VELOCITY_SHARE * grid_table.speed * math.sqrt(2 / target_table.relaxation)
+    _require_room(sonar_table, binned)
+    _require_slow(grid_table, noise, interval)
+    threshold, snr = (10 ** (value / 10) for value in (sonar_table.threshold_db, sonar_table.snr_db))
+    likelihood = Guided(
+        ExceedanceLikelihood(binned.sonar, snr, threshold),
+        grid,
+        _around(sonar_table.swath, sonar_table),
+        sonar_table.finer,
+    )
+    motion = OrnsteinUhlenbeck(noise, target_table.relaxation)
+    low, high = (
+        PlanarState(*(jnp.asarray(float(axis.edges[end]), jnp.float32) for _, axis in grid.axes)) for end in (0, -1)
+    )
+    target = Target(UniformBirth(low, high), motion, target_table.arrival_rate, target_table.departure_rate)
+    carried = GridFilter(grid, target, separable(grid, motion, interval), returns=True)
+    return SingleTargetTracker(carried, likelihood, scenario.tracker.declare, scenario.tracker.drop)
+
+
+def _require_room(table: SonarTable, binned: Binned) -> None:
+    """Refuse pings and swaths that no memory holds."""
+    axes = 2 if table.doppler is None else 3
+    swath = list(zip(_around(table.reach, table), _around(table.swath, table), table.finer, strict=True))[:axes]
+    samples = math.prod(2 * width * finer + 1 for _, width, finer in swath)
+    if binned.capacity * max(samples, binned.capacity) > LARGEST_TABLE:
+        raise InputError(
+            f"a ping has up to {binned.returns.counts.max()} returns, with {samples:,} samples of the likelihood "
+            "around each; expected fewer: a higher sonar.threshold_db, or a smaller sonar.swath or sonar.finer."
+        )
+    offsets = math.prod(2 * finer * (max(reach, width) + 2 * width + 1) + 1 for reach, width, finer in swath)
+    if offsets > LARGEST_TABLE:
+        raise InputError(
+            f"a return bears on another at {offsets:,} offsets; expected a smaller sonar.reach, sonar.swath or "
+            "sonar.finer."
+        )
+
+
+def _require_slow(table: GridTable, noise: float, interval: float) -> None:
+    """Refuse targets that pass the grid between two pings, and motion that no memory holds."""
+    # Six standard deviations of what acceleration adds.
+    way = table.speed * interval + 3.5 * noise * interval**1.5
+    for name, (low, high), count in zip("xy", (table.x, table.y), table.cells, strict=True):
+        passed = way / (high - low) * count
+        if passed > count or 2 * passed * table.speeds**2 * POINTS > LARGEST_TABLE:
+            raise InputError(
+                f"targets move up to {way:.3g} m between two pings, {passed:.3g} cells of the {count} of grid.{name}, "
+                f"with {table.speeds} speeds; expected a larger grid, fewer cells, or a lower grid.speed."
+            )

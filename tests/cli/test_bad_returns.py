@@ -1,0 +1,110 @@
+"""Returns of a sonar and scenarios that do not fit: one sentence that names file and field, nothing written."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_bad_input import refuse
+from tests.returns import SCENARIO
+
+RETURNS = "time_s,delay_s,bearing_deg,snr_db\n0,8,90,12\n120,8,90,12\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Folder with good returns and a good scenario."""
+    (tmp_path / "returns.csv").write_text(RETURNS)
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    return tmp_path
+
+
+def refuse_returns(folder: Path, *options: object, names: tuple[str, ...]) -> None:
+    refuse(folder, "track", folder / "returns.csv", "--scenario", folder / "scenario.toml", *options, names=names)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        ("threshold_db = 9.0", "threshold_db = 0.0", ("sonar.threshold_db is 0.0", "greater than 0")),
+        ("threshold_db = 9.0", "threshold_db = -3.0", ("sonar.threshold_db is -3.0", "greater than 0")),
+        ("threshold_db = 9.0", "", ("sonar.threshold_db is missing",)),
+        ("snr_db = 12.0", "snr_db = inf", ("sonar.snr_db", "finite")),
+        ("snr_db = 12.0", "snr_db = -60.0", ("sonar.snr_db is -60.0", "-40")),
+        ("snr_db = 12.0", "snr_db = 12.0\nlevel = 1.0", ("no field sonar.level",)),
+        ("frequency = 2000.0", "frequency = 0.0", ("sonar.pulse.frequency is 0.0",)),
+        ("bandwidth = 10.0", "bandwidth = -1.0", ("sonar.pulse.bandwidth is -1.0",)),
+        ("delay = [3.0, 22.9]", "delay = [22.9, 3.0]", ("sonar", "delay", "first bin below the last")),
+        (
+            "delay = [3.0, 22.9]",
+            "delay = [-1.0, 18.9]",
+            (
+                "sonar",
+                "delay begins at -1 s",
+            ),
+        ),
+        ("delay_step = 0.1", "", ("sonar", "exactly one of delay_bins and delay_step")),
+        ("delay_step = 0.1", "delay_step = 0.1\ndelay_bins = 200", ("exactly one of delay_bins and delay_step",)),
+        ("delay_step = 0.1", "delay_bins = 0", ("sonar.delay_bins is 0",)),
+        ("delay_step = 0.1", "delay_bins = 1", ("sonar", "delay_bins is 1", "at least 2")),
+        ("delay_step = 0.1", "delay_step = 0.15", ("delay_step is 0.15", "whole number of times", "132.667")),
+        ("beams = 24", "beams = 24\ndoppler_bins = 9", ("bins of doppler", "expected doppler")),
+        ("beams = 24", "beams = 2", ("sonar.beams is 2",)),
+        ("beam_width_deg = 6.0", "beam_width_deg = 0.0", ("sonar.beam_width_deg is 0.0",)),
+        ("reach = [5, 4, 0]", "reach = [5, 4]", ("sonar.reach",)),
+        ("reach = [5, 4, 0]", "reach = [500, 4, 0]", ("sonar.reach[0] is 500", "12")),
+        ("source = [0.0, 0.0]", "", ("returns.csv", "sonar.source is missing", "source_x_m")),
+        ("receiver = [500.0, 1000.0]", "receiver = 500.0", ("sonar.receiver",)),
+        ("cells = [12, 12]", "cells = [12, 0]", ("grid.cells[1] is 0",)),
+        ("cells = [12, 12]", "cells = [12]", ("grid.cells",)),
+        ("x = [-15e3, 15e3]", "x = [15e3, -15e3]", ("grid", "x goes from 15000 to -15000 m")),
+        ("y = [-15e3, 15e3]", "y = [0.0, 0.0]", ("grid", "y goes from 0 to 0 m")),
+        ("x = [-15e3, 15e3]", "x = [0.0, 500.0]", ("returns.csv", "cells of the 12 of grid.x", "larger grid")),
+        ("speed = 9.0", "speed = 0.0", ("grid.speed is 0.0",)),
+        ("speeds = 3", "speeds = 0", ("grid.speeds is 0",)),
+        ("relaxation = 10_000.0", "relaxation = 0.0", ("target.relaxation is 0.0",)),
+        ("relaxation = 10_000.0", "speed = 9.0", ("target.speed", "grid.speed")),
+        ("[grid]", "[frames]\n[grid]", ("[sonar] and [frames]",)),
+        ("[grid]", "[array]\nline = {count = 4, spacing = 0.5}\n[grid]", ("[sonar] and [array]",)),
+        ("[grid]", '[filter]\nkind = "particles"\n[grid]', ("filter.kind", "particles", "[sonar]")),
+        ("[grid]", '[tracker]\nmethod = "cfar"\n[grid]', ("cfar", "[sonar]")),
+    ],
+)
+def test_scenario_that_is_wrong(folder: Path, old: str, new: str, names: tuple[str, ...]) -> None:
+    assert old in SCENARIO
+    (folder / "scenario.toml").write_text(SCENARIO.replace(old, new))
+    refuse_returns(folder, names=names if "returns.csv" in names else ("scenario.toml", *names))
+
+
+@pytest.mark.parametrize("lacks", ["sonar", "grid"])
+def test_scenario_with_half_of_its_tables(folder: Path, lacks: str) -> None:
+    head, tail = SCENARIO.split("[grid]")
+    (folder / "scenario.toml").write_text(head if lacks == "grid" else f"[grid]{tail}")
+    refuse_returns(folder, names=("scenario.toml", f"no [{lacks}]", "expected both"))
+
+
+@pytest.mark.parametrize(
+    ("rows", "names"),
+    [
+        ("240,2.9,90,12\n", ("row 4: delay_s is 2.9", "2.95 to 22.95 s")),
+        ("240,8,90,8.9\n", ("row 4: snr_db is 8.9", "threshold, 9 dB")),
+        ("240,8,90,12\n240,8.04,93,12\n", ("row 5", "same bin as that of row 4")),
+        ("300,8,90,12\n", ("time_s 300 comes 180 s after", "whole multiples of one interval")),
+        ("240,8,90,twelve\n", ("row 4: snr_db is 'twelve'",)),
+    ],
+)
+def test_returns_that_are_wrong(folder: Path, rows: str, names: tuple[str, ...]) -> None:
+    (folder / "returns.csv").write_text(RETURNS + rows)
+    refuse_returns(folder, names=("returns.csv", *names))
+
+
+def test_returns_without_what_they_need(folder: Path) -> None:
+    path = folder / "returns.csv"
+    refuse(folder, "track", path, names=("returns.csv", "--scenario", "[sonar]"))
+    refuse(folder, "track", path, path, "--scenario", folder / "scenario.toml", names=("2 files", "one file"))
+    refuse_returns(folder, "--band", 100, 200, names=("scenario.toml has [sonar]", "--band"))
+    (folder / "night.wav").write_text("not returns")
+    refuse(
+        folder,
+        *("track", folder / "night.wav", "--scenario", folder / "scenario.toml"),
+        names=("night.wav", "expected .csv or .zarr"),
+    )

@@ -1,0 +1,177 @@
+"""Returns of a sonar: a target is found and followed, in blocks of any size, from a file to the report."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from faintrack.errors import InputError
+from faintrack.io import read_returns, write_returns
+from faintrack.io.results import read_result
+from faintrack.plots.returns import draw_returns
+from faintrack.result import Result, joined
+from faintrack.returns import Returns, from_columns, to_columns
+from faintrack.session_returns import track_ping_blocks, track_returns
+from tests.cli.calling import call
+from tests.returns import EAST, INTERVAL, NORTH, PINGS, SCENARIO, START, VELOCITY, columns, drawn, scenario
+
+CELL = 2500.0
+"""Width of a cell of the scenario's grid; m."""
+
+
+@pytest.fixture(scope="module")
+def followed() -> Result:
+    return track_returns(drawn(), scenario())
+
+
+def test_a_target_is_found_and_followed(followed: Result) -> None:
+    (track,) = followed.tracks
+    data = followed.data
+    # Its echo tells 14 nats a ping where it is known; it has to be found in one of 144 cells and 9 velocities.
+    assert track.start_s <= 4 * INTERVAL
+    assert track.end_s == (PINGS - 1) * INTERVAL
+    held = data.label.values > 0
+    error = np.hypot(data.x_mean - EAST, data.y_mean - NORTH).values[held]
+    # A cell of 2.5 km is 1.0 km from its middle on average.
+    assert np.sqrt(np.mean(error**2)) < CELL
+    off = [abs(float(data[f"{name}_mean"][-1]) - true) for name, true in zip(("vx", "vy"), VELOCITY, strict=True)]
+    assert max(off) < 3.0
+    within = [
+        np.abs(data[f"{name}_mode"] - true).values[held] < 1.5 * CELL for name, true in (("x", EAST), ("y", NORTH))
+    ]
+    assert np.mean(within) > 0.9
+
+
+def test_noise_gives_no_track() -> None:
+    result = track_returns(drawn(present=False, seed=1), scenario())
+    assert result.tracks == []
+    assert result.existence.max() < 0.5
+
+
+def test_what_is_kept_agrees_with_itself(followed: Result) -> None:
+    data = followed.data
+    assert data.sizes == {"time": PINGS, "snapshot": 8, "x": 12, "y": 12, "vx": 3, "vy": 3}
+    for names in (("x", "y"), ("vx", "vy")):
+        chance = np.exp(data["position" if names[0] == "x" else "velocity"])
+        np.testing.assert_allclose(chance.sum(names), 1, rtol=1e-4)
+        for name in names:
+            expected = (chance * data[name]).sum(names)
+            found = data[f"{name}_mean"].sel(time=data.snapshot.values)
+            np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3 * float(data[name].max()))
+    assert all("units" in data[name].attrs for name in data.variables)
+    np.testing.assert_array_equal(data.returns, drawn().counts)
+    assert data.attrs["first_ping_time"] == START
+    assert data.attrs["ping_interval"] == INTERVAL
+    assert float(data.receiver_y[3]) == 1000.0
+
+
+def test_blocks_of_any_size_give_the_same(followed: Result) -> None:
+    pieces = joined(track_ping_blocks(drawn(), scenario(), 7))
+    xr.testing.assert_allclose(followed.data, pieces, rtol=1e-3, atol=1e-3)
+
+
+def test_platforms_in_columns_that_stand_still_give_the_same(followed: Result) -> None:
+    content = to_columns(drawn())
+    rows = len(content["time_s"])
+    for platform, place in (("source", (0.0, 0.0)), ("receiver", (500.0, 1000.0))):
+        names = (f"{platform}_x_m", f"{platform}_y_m", f"{platform}_vx", f"{platform}_vy")
+        content |= dict(zip(names, (np.full(rows, value) for value in (*place, 0.0, 0.0)), strict=True))
+    # What the scenario says of them does not count.
+    moving = track_returns(from_columns(content), scenario(sonar={"source": [9e3, 9e3]}))
+    np.testing.assert_allclose(moving.existence, followed.existence, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(moving.data.source_x, 0.0)
+    draw_returns(moving)
+
+
+def test_a_missing_ping_is_a_longer_interval(followed: Result) -> None:
+    content = {
+        name: column[to_columns(drawn())["time_s"] != START + 15 * INTERVAL]
+        for name, column in to_columns(drawn()).items()
+    }
+    result = track_returns(from_columns(content), scenario())
+    assert result.data.sizes["time"] == PINGS - 1
+    (track,) = result.tracks
+    assert track.end_s == (PINGS - 1) * INTERVAL
+
+
+def test_doppler_tells_the_velocity() -> None:
+    """A tone whose echo from the east comes 16 Hz higher: the target closes at 6 m/s."""
+    tone = {"pulse": {"frequency": 2000.0, "duration": 1.0}, "doppler": [-24.0, 24.0], "doppler_step": 2.0}
+    bins = {"delay": [3.0, 23.0], "delay_step": 1.0, "reach": [1, 4, 2], "swath": [1, 3, 1]}
+    result = track_returns(columns(5, doppler_hz=np.full(5, 16.0)), scenario(sonar=tone | bins | {"receiver": [0, 0]}))
+    assert result.existence[-1] > 0.97
+    assert float(result.data.x_mode[-1]) == pytest.approx(6000, abs=CELL)
+    assert float(result.data.vx_mean[-1]) == pytest.approx(-6.0, abs=1.5)
+
+
+def test_from_a_file_to_the_report(followed: Result, tmp_path: Path) -> None:
+    write_returns(tmp_path / "returns.csv", drawn())
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    done = call("track", tmp_path / "returns.csv", "--scenario", tmp_path / "scenario.toml", "--out", tmp_path / "out")
+    assert done.status == 0, done.err
+    assert f"1 tracks in {PINGS} pings" in done.out
+    header, row = (tmp_path / "out" / "tracks.csv").read_text().splitlines()
+    assert header == "label,start_s,end_s,x_start,y_start,x_end,y_end,speed,existence_max"
+    result = read_result(tmp_path / "out")
+    xr.testing.assert_allclose(followed.data, result.data.load(), rtol=1e-3, atol=1e-3)
+
+    (tmp_path / "out" / "report.html").unlink()
+    assert call("report", tmp_path / "out").status == 0
+    text = (tmp_path / "out" / "report.html").read_text()
+    for told in (
+        "1 track in returns.csv",
+        "30, 120 s apart",
+        "200 delays from 3 to 22.9 s",
+        "24 beams",
+        "1000 s; times",
+    ):
+        assert told in text
+    # The scenario in the result runs again.
+    again = call("track", tmp_path / "returns.csv", "--scenario", tmp_path / "out" / "scenario.toml", "--json")
+    printed = json.loads(again.out)
+    assert printed["pings"] == PINGS
+    assert ",".join(map(str, printed["tracks"][0].values())) == row
+
+
+def test_zarr_holds_the_same(tmp_path: Path) -> None:
+    write_returns(tmp_path / "returns.zarr", drawn())
+    back = read_returns(tmp_path / "returns.zarr")
+    for name, column in to_columns(drawn()).items():
+        np.testing.assert_allclose(to_columns(back)[name], column, rtol=1e-12)
+
+
+WIDE = {"doppler": [-9.0, 9.0], "doppler_bins": 9, "reach": [12] * 3, "swath": [12] * 3, "finer": [8] * 3}
+
+
+@pytest.mark.parametrize(
+    ("returns", "tables", "says"),
+    [
+        (columns(1), {}, "one ping; expected two or more"),
+        (columns(time_s=np.array([0.0, 120.0, 190.0])), {}, "time_s 120 comes 120 s after .* expected whole multiples"),
+        (columns(), {"grid": {"speed": 300.0}}, "move up to .* cells of the 12 of grid.x"),
+        (columns(), {"grid": {"cells": [2000, 2000]}}, "2000 x 2000 x 3 x 3 cells, more than"),
+        (columns(doppler_hz=np.zeros(3)), {"sonar": WIDE}, "up to 1 returns, with 6,593,073 samples"),
+        (columns(doppler_hz=np.zeros(3)), {"sonar": WIDE | {"swath": [3, 3, 3]}}, "bears on another at 26,.* offsets"),
+        (columns(), {"sonar": {"source": None}}, "sonar.source is missing; expected metres"),
+        (columns(delay_s=np.array([8.0, 2.0, 8.0])), {}, "row 1: delay_s is 2; expected 2.95 to 22.95 s"),
+        (
+            columns(snr_db=np.array([12.0, 12.0, 8.5])),
+            {},
+            "row 2: snr_db is 8.5; expected at least the threshold, 9 dB",
+        ),
+        (columns(time_s=np.array([0.0, 120.0, 120.0])), {}, "row 2: the return falls in the same bin as that of row 1"),
+        (columns(doppler_hz=np.zeros(3)), {}, "there is a column doppler_hz; expected it where the sonar measures"),
+        (columns(), {"sonar": {"doppler": [-9.0, 9.0], "doppler_bins": 9}}, "there is no column doppler_hz"),
+        (
+            columns(doppler_hz=np.array([0.0, -30.0, 0.0])),
+            {"sonar": {"doppler": [-9.0, 9.0], "doppler_bins": 10}},
+            "row 1: doppler_hz is -30; expected -10 to 10 Hz",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused(returns: Returns, tables: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=f"returns in memory.*{says}"):
+        track_returns(returns, scenario(**tables))
