@@ -6,6 +6,15 @@ so. Times are the least of many repeats, with what the first call takes to compi
 
 from collections.abc import Callable, Iterable
 
+from faintrack.bench.active import (
+    cw_scan_base,
+    cw_scan_fine,
+    cw_scan_moving,
+    fm_scan_base,
+    fm_scan_batch,
+    fm_scan_fine,
+    fm_scan_moving,
+)
 from faintrack.bench.beams import beam_power_acoular, beam_power_numpy
 from faintrack.bench.bernoulli import bernoulli_step_batch, bernoulli_step_single
 from faintrack.bench.grids import implicit_step_4d, separable_step_base, separable_step_fine
@@ -32,6 +41,13 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
         implicit_step_4d,
         separable_step_base,
         separable_step_fine,
+        fm_scan_base,
+        fm_scan_fine,
+        fm_scan_moving,
+        fm_scan_batch,
+        cw_scan_base,
+        cw_scan_fine,
+        cw_scan_moving,
         pixel_frame,
         import_seconds,
         help_seconds,

@@ -1,0 +1,120 @@
+"""One scan of an active sonar on a grid, motion and measurement, in the scenes of aughenbaugh2010.
+
+The peer is the paper: the seconds of its guided measurement update and its motion update, on the machine it used.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from faintrack.belief import Belief
+from faintrack.bench.machine import Machine
+from faintrack.bench.rows import Row, timed
+from faintrack.bench.sizes import Sizes
+from faintrack.filters.run import step
+from faintrack.likelihoods.guided import Guided
+from faintrack.sensors.active import ActiveSonar, Ping
+from faintrack.studies.aughenbaugh2010 import runs, scene
+
+SCAN = 20
+"""Of the run that is timed: the target is in view."""
+RUNS = 8
+"""Side by side."""
+
+
+def fm_scan_base(machine: Machine, sizes: Sizes) -> Row:
+    """FM on the base grid."""
+    return _fixed("fm_scan_base", "fm", sizes.base, 15.0, 1.8 + 6, sizes)
+
+
+def fm_scan_fine(machine: Machine, sizes: Sizes) -> Row:
+    """FM on the fine grid."""
+    return _fixed("fm_scan_fine", "fm", sizes.fine, 60.0, 6.9 + 105, sizes)
+
+
+def cw_scan_base(machine: Machine, sizes: Sizes) -> Row:
+    """CW on the base grid."""
+    return _fixed("cw_scan_base", "cw", sizes.base, 40.0, 10.2 + 6, sizes)
+
+
+def cw_scan_fine(machine: Machine, sizes: Sizes) -> Row:
+    """CW on the fine grid."""
+    return _fixed("cw_scan_fine", "cw", sizes.fine, 120.0, 15.4 + 105, sizes)
+
+
+def fm_scan_moving(machine: Machine, sizes: Sizes) -> Row:
+    """FM on the base grid, source and receiver moving."""
+    return _moving("fm_scan_moving", "fm", 3 * 15.0, sizes)
+
+
+def cw_scan_moving(machine: Machine, sizes: Sizes) -> Row:
+    """CW on the base grid, source and receiver moving."""
+    return _moving("cw_scan_moving", "cw", 3 * 40.0, sizes)
+
+
+def fm_scan_batch(machine: Machine, sizes: Sizes) -> Row:
+    """FM on the base grid, several runs side by side."""
+    how = f"share of one of {RUNS} runs side by side"
+    return _row("fm_scan_batch", "fm", sizes.base, 15.0, None, how, sizes, count=RUNS)
+
+
+def _fixed(name: str, pulse: str, cells: tuple[int, int], target: float, published: float, sizes: Sizes) -> Row:
+    return _row(name, pulse, cells, target, published, "sensors stand still", sizes)
+
+
+def _moving(name: str, pulse: str, target: float, sizes: Sizes) -> Row:
+    return _row(name, pulse, sizes.base, target, None, "every ping brings source and receiver", sizes, moving=True)
+
+
+def _row(
+    name: str,
+    pulse: str,
+    cells: tuple[int, int],
+    target: float,
+    published: float | None,
+    how: str,
+    sizes: Sizes,
+    moving: bool = False,
+    count: int = 1,
+) -> Row:
+    filter, means = scene.filter_on(cells), _guided(pulse, cells, moving)
+    pings, _ = jax.jit(jax.vmap(lambda key: scene.pings(key, pulse)))(jax.random.split(jax.random.key(0), count))
+    pings = jax.tree.map(lambda values: values[:, SCAN], pings)
+    if moving:
+        still = scene.likelihood(pulse).sonar.pair
+        pairs = jax.tree.map(lambda value: jnp.broadcast_to(value, (count,)), still)
+        pings = dataclasses.replace(pings, pair=pairs)
+    before = filter.init(jax.random.key(0), scene.INTERVAL * (SCAN - 1), existence=0.5)
+
+    def scan(ping: Ping, key: Array) -> Belief:
+        return step(filter, means, before, ping, key)[0]
+
+    stepped, keys = jax.jit(jax.vmap(scan)), jax.random.split(jax.random.key(1), count)
+    timing = timed(lambda: stepped(pings, keys), sizes.repeat_seconds).per(count)
+    beside = "no peer" if published is None else "peer: as published"
+    return Row(
+        name=name,
+        unit="ms",
+        ours=1e3 * timing.least,
+        peer=None if published is None else 1e3 * published,
+        limit=None,
+        target=target,
+        median=1e3 * timing.median,
+        compile_seconds=timing.compile,
+        note=(
+            f"motion and measurement of one {pulse.upper()} scan on {' x '.join(map(str, filter.grid.shape))} cells, "
+            f"{int(pings.there.sum()) / count:.0f} returns; {how}; {beside}"
+        ),
+    )
+
+
+def _guided(pulse: str, cells: tuple[int, int], moving: bool) -> Guided:
+    """Guided means; with `moving` of a sonar that does not know where source and receiver are."""
+    known = runs.guided(pulse, cells)
+    if not moving:
+        return known
+    sonar: ActiveSonar = dataclasses.replace(known.likelihood.sonar, pair=None)
+    likelihood = type(known.likelihood)(sonar, float(known.likelihood.snr), known.likelihood.threshold)
+    return Guided(likelihood, known.mesh.grid, runs.SWATH[pulse], runs.finer(cells))
