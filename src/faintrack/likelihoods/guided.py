@@ -90,7 +90,7 @@ class Guided(eqx.Module):
     --------
     >>> import math
     >>> from faintrack.axis import Axis, between
-    >>> from faintrack.sensors.active import Pulse, ping
+    >>> from faintrack.sensors.active import ActiveSonar, Pulse, ping
     >>> from faintrack.sensors.bistatic import fixed
     >>> from faintrack.targets.states import PlanarState
     >>> pair = Bistatic(fixed(0.0, 0.0), fixed(0.0, 5000.0))
@@ -139,6 +139,17 @@ class Guided(eqx.Module):
         ping : returns of one ping.
         states : not read; those of a belief on the grid.
         """
+        arrays, others = eqx.partition(self, eqx.is_array)
+
+        # Side by side, runs would wait for the one with the most returns and copy their sums in every turn of its loop.
+        @jax.custom_batching.sequential_vmap
+        def means(arrays: Guided, ping: Ping) -> Float[Array, "..."]:
+            return eqx.combine(arrays, others)._means(ping)
+
+        return means(arrays, ping)
+
+    def _means(self, ping: Ping) -> Float[Array, "..."]:
+        """`log_ratio`, of one ping."""
         mesh, pair = self.mesh, self.likelihood.sonar.geometry(ping)
         cover = self.cover
         if ping.pair is not None or cover is None:
