@@ -103,7 +103,7 @@ class Guided(eqx.Module):
     >>> guided = Guided(likelihood, grid)
     >>> means = guided.log_ratio(heard)
     >>> means.shape, round(float(means.max()), 1), int(guided.samples(heard))
-    ((51, 51), 9.4, 275)
+    ((51, 51), 10.7, 275)
     """
 
     likelihood: ExceedanceLikelihood
