@@ -14,7 +14,8 @@ sonar cannot hear have the ratio 1. With :math:`A_k` the area that point k stand
 
 The error is that of a sum over mesh points in place of an integral. In cells that a loud return only grazes with what
 lies outside its swath the mean is too small, by a factor that may be large and of a value that is small beside that of
-the cells next to it.
+the cells next to it. In float32 a velocity cell whose mean is less than e^-87 of the best of its own position has the
+default value.
 """
 
 from typing import Any, NamedTuple
