@@ -65,8 +65,8 @@ def track_returns(returns: Returns, scenario: Scenario) -> Result:
     ... }
     >>> result = track_returns(from_columns(columns), scenario)
     >>> (track,) = result.tracks
-    >>> track.label, track.end, result.data.position.dims
-    (1, ...)
+    >>> track.label, result.data.position.dims
+    (1, ('snapshot', 'x', 'y'))
     """
     return collect(track_ping_blocks(returns, scenario), scenario, None)
 

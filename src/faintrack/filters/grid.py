@@ -117,7 +117,8 @@ class GridFilter(eqx.Module):
     @property
     def _birth(self) -> Float[Array, "*cells"]:
         if self.log_birth is None:
-            return jnp.full(self.grid.shape, -jnp.log(self.grid.size))
+            # A type of its own: with a weak one what a filter starts with would be compiled for apart from the rest.
+            return jnp.full(self.grid.shape, -jnp.log(self.grid.size), float)
         return jnp.broadcast_to(self.log_birth, self.grid.shape)
 
 

@@ -154,8 +154,8 @@ def _position_columns(result: Result) -> tuple[tuple[str, str, str], ...]:
     ]
     return (
         ("label", "track", "{:d}"),
-        ("start_s", "start (s)", "{:.3g}"),
-        ("end_s", "end (s)", "{:.3g}"),
+        ("start_s", "start (s)", "{:.5g}"),
+        ("end_s", "end (s)", "{:.5g}"),
         *places,
         ("speed", f"speed ({unit}/s)", "{:.3g}"),
         ("existence_max", "largest existence", "{:.4f}"),

@@ -118,8 +118,8 @@ def draw_counts(axes: Axes, result: Result) -> None:
     expected = expected_returns(_sonar(result))
     axes.axhline(expected, color=GREY, linestyle="--", linewidth=0.8)
     told = f"dashed: {expected:.3g} expected of noise alone"
-    axes.text(0.005, 0.06, told, transform=axes.transAxes, fontsize=8, color=GREY)
-    axes.set_ylim(0, 1.15 * max(expected, float(data.returns.max()), 1))
+    axes.text(0.005, 0.87, told, transform=axes.transAxes, fontsize=8, color=GREY)
+    axes.set_ylim(0, 1.3 * max(expected, float(data.returns.max()), 1))
     axes.set_ylabel("returns")
     axes.grid(alpha=0.3)
 
