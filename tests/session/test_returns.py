@@ -150,7 +150,12 @@ WIDE = {"doppler": [-9.0, 9.0], "doppler_bins": 9, "reach": [12] * 3, "swath": [
     ("returns", "tables", "says"),
     [
         (columns(1), {}, "one ping; expected two or more"),
-        (columns(time_s=np.array([0.0, 120.0, 190.0])), {}, "time_s 120 comes 120 s after .* expected whole multiples"),
+        (
+            columns(time_s=np.array([0.0, 120.0, 190.0])),
+            {},
+            "time_s 120 comes 120 s after .* expected whole multiples of",
+        ),
+        (columns(time_s=np.array([0.0, 1e-9, 120.0])), {}, "time_s 120 comes 120 s after .* 1e-09 s, and at most 1000"),
         (columns(), {"grid": {"speed": 300.0}}, "move up to .* cells of the 12 of grid.x"),
         (columns(), {"grid": {"cells": [2000, 2000]}}, "2000 x 2000 x 3 x 3 cells, more than"),
         (columns(doppler_hz=np.zeros(3)), {"sonar": WIDE}, "up to 1 returns, with 6,593,073 samples"),

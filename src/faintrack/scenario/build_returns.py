@@ -28,6 +28,9 @@ VELOCITY_SHARE = 0.4
 UNEVEN = 0.02
 """Of an interval: how far a ping may be from a whole number of them after the one before."""
 
+LONGEST_GAP = 1000
+"""Intervals between two pings at most: what is believed is carried over each of them."""
+
 LARGEST_GRID = 20_000_000
 """Cells of a grid at most: each takes some fifty bytes."""
 
@@ -40,7 +43,7 @@ def ping_interval(returns: Returns) -> float:
 
     Raises
     ------
-    InputError : one ping alone, or intervals that are not multiples of the shortest.
+    InputError : one ping alone, intervals that are not multiples of the shortest, or one of very many.
     """
     if returns.length < 2:
         raise InputError(
@@ -50,12 +53,13 @@ def ping_interval(returns: Returns) -> float:
     shortest = float(intervals.min())
     # The shortest is one of several that are rounded in the file: their mean is nearer.
     interval = float(np.mean(intervals[intervals < 1.5 * shortest]))
-    off = np.abs(intervals / interval - np.round(intervals / interval))
-    if off.max() > UNEVEN:
-        number = int(np.argmax(off > UNEVEN)) + 1
+    number = intervals / interval
+    wrong = (np.abs(number - np.round(number)) > UNEVEN) | (number > LONGEST_GAP + 0.5)
+    if wrong.any():
+        first = int(np.argmax(wrong))
         raise InputError(
-            f"{returns.origin}: the ping with time_s {returns.times[number]:.10g} comes {intervals[number - 1]:.6g} s "
-            f"after the one before; expected whole multiples of one interval, {interval:.6g} s."
+            f"{returns.origin}: the ping with time_s {returns.times[first + 1]:.10g} comes {intervals[first]:.6g} s "
+            f"after the one before; expected whole multiples of {interval:.6g} s, and at most {LONGEST_GAP}."
         )
     return interval
 
