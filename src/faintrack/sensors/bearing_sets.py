@@ -106,8 +106,7 @@ def bearing_set(
     bearings = np.asarray(bearings, float).ravel()
     if len(bearings) > capacity:
         raise InputError(f"scan at {time:g} s: {len(bearings)} bearings; expected at most the capacity, {capacity}.")
-    outside = ~(np.asarray(sensor.after_start(jnp.asarray(bearings))) <= sensor.width) if len(bearings) else []
-    wrong = np.flatnonzero(~np.isfinite(bearings) | outside) if len(bearings) else []
+    wrong = np.flatnonzero(~(np.asarray(sensor.after_start(jnp.asarray(bearings))) <= sensor.width))
     if len(wrong):
         raise InputError(
             f"scan at {time:g} s, bearing {wrong[0]}: {bearings[wrong[0]]:g} rad; expected one of the sector from "
