@@ -1,0 +1,88 @@
+r"""Integrated probabilistic data association: a Gaussian for the state, a probability for whether there is one.
+
+Musicki, Evans and Stankovic (1994). Existence is a Markov chain with :math:`p_b` and :math:`p_s`; a target that appears
+has the birth density, a Gaussian, and is merged with one that was there,
+
+.. math::
+    q' = p_b (1 - q) + p_s q, \qquad
+    q' N(m', P') \approx p_b (1 - q)\, N(m_b, P_b) + p_s q\, N(F m, F P F^T + Q) ,
+
+and a scan with the evidence I (`faintrack.baselines.pda`) gives the existence :math:`q' I / (1 - q' + q' I)`, by the
+same rule as everywhere in the package. It is the Bernoulli filter with every density replaced by one Gaussian: exact
+for one scan in the linear case, and after that wherever no two hypotheses are left.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from faintrack.baselines.pda import Association, Gaussian, merged
+
+
+class Presumed(eqx.Module):
+    """What is believed between scans.
+
+    Attributes
+    ----------
+    state : of the target, if there is one.
+    log_odds : of its existence.
+    """
+
+    state: Gaussian
+    log_odds: Float[Array, ""]
+
+    @property
+    def existence(self) -> Float[Array, ""]:
+        """Probability that there is a target."""
+        return jax.nn.sigmoid(self.log_odds)
+
+
+class Ipda(eqx.Module):
+    """Integrated probabilistic data association.
+
+    Attributes
+    ----------
+    association : how detections are told apart.
+    birth : density of a target that appears.
+    transition, noise : F and Q of the motion from scan to scan.
+    appears, stays : p_b and p_s, a scan.
+    """
+
+    association: Association
+    birth: Gaussian
+    transition: Float[Array, "component component"]
+    noise: Float[Array, "component component"]
+    appears: Float[Array, ""] | float
+    stays: Float[Array, ""] | float
+
+    def init(self, existence: float = 0.0) -> Presumed:
+        """Belief before any scan."""
+        odds = jnp.asarray(existence, self.birth.mean.dtype)
+        return Presumed(self.birth, jnp.log(odds) - jnp.log1p(-odds))
+
+    def predict(self, presumed: Presumed) -> Presumed:
+        """Belief carried to the next scan."""
+        there, absent = jax.nn.log_sigmoid(presumed.log_odds), jax.nn.log_sigmoid(-presumed.log_odds)
+        survived = jnp.log(self.stays) + there
+        arrived = jnp.log(self.appears) + absent
+        log_existence = jnp.logaddexp(survived, arrived)
+        log_absence = jnp.logaddexp(jnp.log1p(-self.stays) + there, jnp.log1p(-self.appears) + absent)
+        moved = self.moved(presumed.state)
+        # Where no target can be yet, the birth density is all there is.
+        share = jnp.where(log_existence > -jnp.inf, jnp.exp(survived - log_existence), 0)
+        both = jax.tree.map(lambda *parts: jnp.stack(parts), moved, self.birth)
+        return Presumed(merged(jnp.stack([share, 1 - share]), both), log_existence - log_absence)
+
+    def moved(self, state: Gaussian) -> Gaussian:
+        """State of a target that stays, at the next scan."""
+        covariance = self.transition @ state.covariance @ self.transition.T + self.noise
+        return Gaussian(self.transition @ state.mean, covariance)
+
+    def step(self, presumed: Presumed, scan: Any) -> tuple[Presumed, Float[Array, ""]]:
+        """Carry a belief to a scan and take it in; returns the log evidence too."""
+        predicted = self.predict(presumed)
+        state, log_evidence = self.association.take_in(predicted.state, scan)
+        return Presumed(state, predicted.log_odds + log_evidence), log_evidence
