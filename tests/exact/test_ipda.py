@@ -1,4 +1,4 @@
-"""Integrated probabilistic data association against enumeration of all hypotheses, in double precision by hand."""
+"""Data association with existence against enumeration of all hypotheses, in double precision by hand."""
 
 import itertools
 import math
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from faintrack.baselines.imm_pda import ImmPda, Models
 from faintrack.baselines.ipda import Ipda, Presumed
 from faintrack.baselines.pda import Association, Gaussian, extended, merged, turned, unscented
 from tests.tolerances import rounding
@@ -149,3 +150,46 @@ def test_unscented_bearing_has_the_moments_of_draws() -> None:
     spread = off.std()
     assert abs(np.angle(np.exp(1j * (float(found.expected[0]) - math.pi))) - off.mean()) < 0.1 * spread
     assert math.sqrt(float(found.covariance[0, 0])) == pytest.approx(spread, rel=0.1)
+
+
+@eqx.filter_jit
+def mixed_in(filter: ImmPda, models: Models, scan: Heard) -> tuple[Models, jax.Array]:
+    return filter.step(models, scan)
+
+
+def test_models_that_never_change_are_data_association_alone() -> None:
+    single = ipda(0.9, appears=0.0, stays=1.0)
+    presumed, models = single.init(0.3), ImmPda(single).init(0.3)
+    for values in ([11.0], [12.3, 40.0], []):
+        presumed, _ = taken_in(single, presumed, heard(values))
+        models, _ = mixed_in(ImmPda(single), models, heard(values))
+        assert float(models.existence) == pytest.approx(float(presumed.existence), rel=rounding(np.float32, 300))
+        np.testing.assert_allclose(models.state.mean, presumed.state.mean, rtol=rounding(np.float32, 300))
+        np.testing.assert_allclose(models.state.covariance, presumed.state.covariance, rtol=rounding(np.float32, 1000))
+
+
+def test_interacting_models_by_hand() -> None:
+    """One scan, mixed and moved in double precision."""
+    single = ipda(0.9, appears=0.2, stays=0.7)
+    models, _ = mixed_in(ImmPda(single), ImmPda(single).init(0.4), heard([12.0]))
+    covariance = STEP @ BIRTH @ STEP.T + NOISE
+    mean, spread = STEP @ BIRTH_MEAN, covariance[0, 0] + ERROR
+    evidence = 0.1 + 0.9 * multivariate_normal.pdf(12.0, mean[0], spread) / FALSE
+    prior = 0.6 * 0.2 + 0.4 * 0.7
+    expected = prior * evidence / (1 - prior + prior * evidence)
+    assert float(models.existence) == pytest.approx(expected, rel=rounding(np.float32, 300))
+    hit = 0.9 * multivariate_normal.pdf(12.0, mean[0], spread) / FALSE / evidence
+    np.testing.assert_allclose(
+        models.state.mean, mean + hit * covariance[:, 0] / spread * (12.0 - mean[0]), rtol=rounding(np.float32, 300)
+    )
+
+
+def test_existence_falls_where_nothing_is_heard() -> None:
+    single = ipda(0.9, appears=0.1, stays=0.9)
+    models = ImmPda(single).init(0.9)
+    existence = []
+    for _ in range(4):
+        models, _ = mixed_in(ImmPda(single), models, heard([]))
+        existence.append(float(models.existence))
+    assert existence == sorted(existence, reverse=True)
+    assert existence[-1] < 0.05
