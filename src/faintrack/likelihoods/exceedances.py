@@ -119,18 +119,19 @@ class ExceedanceLikelihood(eqx.Module):
     def _returns_at(self, ping: Ping, delay: Real, beam: Real, shift: Real) -> Real:
         """What the returns add: a cheap look for states that a return is near, then those alone, a block at a time."""
         states = jnp.stack([each.ravel() for each in (delay, beam, shift)])
+        at_once = min(BLOCK, delay.size)
         close = self._each_return(ping, states, lambda near, response, power: near, jnp.logical_or, False)
-        (order,) = jnp.nonzero(close, size=close.size + BLOCK, fill_value=close.size)
+        (order,) = jnp.nonzero(close, size=close.size + at_once, fill_value=close.size)
 
         def take_in(block: Int[Array, ""], total: Array) -> Array:
-            index = jax.lax.dynamic_slice(order, (block * BLOCK,), (BLOCK,))
+            index = jax.lax.dynamic_slice(order, (block * at_once,), (at_once,))
             here = states[:, jnp.minimum(index, close.size - 1)]
             told = self._each_return(
                 ping, here, lambda near, response, power: jnp.where(near, self.told(response(), power), 0), jnp.add, 0.0
             )
             return total.at[index].set(told, mode="drop")
 
-        blocks = -(-close.sum() // BLOCK)
+        blocks = -(-close.sum() // at_once)
         return jax.lax.fori_loop(0, blocks, take_in, jnp.zeros_like(states[0])).reshape(delay.shape)
 
     def _each_return(
