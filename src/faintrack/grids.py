@@ -36,7 +36,7 @@ class Grid(Lattice):
     Attributes
     ----------
     kind : class of the states.
-    axes : name and values of each axis, one to four, in the order of the array. Components without an axis are 0.
+    axes : name and values of each axis, in the order of the array. Components without an axis are 0.
 
     Raises
     ------
