@@ -63,7 +63,10 @@ def test_bearings_only_bound_is_stone_soups() -> None:
     truth = np.array([np.linalg.matrix_power(matrix, scan) @ start for scan in range(scans)])
     clock = datetime.datetime(2026, 1, 1)
     path = GroundTruthPath(
-        [GroundTruthState(StateVector(state), clock + datetime.timedelta(seconds=scan)) for scan, state in enumerate(truth)]
+        [
+            GroundTruthState(StateVector(state), clock + datetime.timedelta(seconds=scan))
+            for scan, state in enumerate(truth)
+        ]
     )
     metric = PCRBMetric(
         prior=GaussianState(StateVector(start), covariance, timestamp=clock),

@@ -69,10 +69,10 @@ def test_velocities_of_the_prior_are_those_of_the_long_run(transport: Separable,
 
 @pytest.mark.parametrize("existence", [0.0, 1.0, float("nan")])
 def test_existence_is_a_probability(transport: Separable, existence: float) -> None:
-    with pytest.raises(InputError, match="existence is .*; expected a probability between 0 and 1"):
+    with pytest.raises(InputError, match=r"existence is .*; expected a probability between 0 and 1"):
         stationary(transport, existence)
 
 
 def test_more_targets_leave_than_can_appear(transport: Separable) -> None:
-    with pytest.raises(InputError, match="a target would have to appear with probability .* expected above 0"):
+    with pytest.raises(InputError, match=r"a target would have to appear with probability .* expected above 0"):
         stationary(transport, 0.999)
