@@ -22,7 +22,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.axis import Axis, Lattice
 from faintrack.belief import Belief
@@ -84,6 +84,22 @@ class Grid(Lattice):
         for number, (name, axis) in enumerate(self.axes):
             meshes[name] = jnp.asarray(axis.values, dtype).reshape((*flat[:number], -1, *flat[number + 1 :]))
         return self.kind(**meshes)
+
+    def draw(self, key: PRNGKeyArray, dtype: Any = jnp.float32) -> Any:
+        """One state of every cell, drawn evenly; components have the shape of the grid."""
+        # Drawn flat: XLA compiles the counters of a draw with many axes for ten seconds.
+        places = jax.random.uniform(key, (len(self.axes) * self.size,), dtype, -0.5, 0.5)
+        middles = self.states(dtype)
+        drawn = {
+            name: getattr(middles, name) + axis.step * place
+            for (name, axis), place in zip(self.axes, places.reshape(-1, *self.shape), strict=True)
+        }
+        others = {
+            field.name: jnp.zeros(self.shape, dtype)
+            for field in dataclasses.fields(middles)
+            if field.name not in self.names
+        }
+        return self.kind(**drawn, **others)
 
 
 def surface(belief: Belief) -> Float[Array, "*cells"]:

@@ -124,15 +124,12 @@ def frames_dataset(
     masked = (~block.usable & array.alive).sum(axis=1).astype(np.int32)
     return xr.Dataset(
         {
-            "existence": _each(estimates.existence, "1", "probability that a target exists"),
-            "label": _each(estimates.label, "1", "track in hand, 0 where there is none"),
-            "track_existence": _each(estimates.track_existence, "1", "probability that the track's target exists"),
+            **_believed(estimates),
             "bearing": _each(deg(estimates.mean.bearing), long_name="bearing", **degrees),
             "bearing_std": _each(deg(estimates.std.bearing), "degree", "standard deviation of the bearing"),
             "bearing_rate": _each(deg(estimates.mean.bearing_rate), "degree/s", "bearing rate"),
             "snr": _each(estimates.mean.snr_db, "dB", "signal to noise ratio at one channel"),
             "snr_std": _each(estimates.std.snr_db, "dB", "standard deviation of the signal to noise ratio"),
-            "log_evidence": _each(estimates.log_evidence, "1", "log of the mean likelihood ratio"),
             "masked_channels": _each(masked, "1", "channels left out, samples not finite"),
             "record": (
                 ("time", "beam"),
@@ -250,14 +247,19 @@ def _each(values: Any, units: str, long_name: str, **more: str) -> tuple[str, np
     return "time", np.asarray(values), {"units": units, "long_name": long_name, **more}
 
 
-def _estimated(estimates: Estimate, unit_of: Callable[[str], str]) -> dict[str, Any]:
-    """Variables of what a tracker says, with the mean and the standard deviation of each component of the state."""
-    variables: dict[str, Any] = {
+def _believed(estimates: Estimate) -> dict[str, Any]:
+    """Variables of what a tracker says of any target, whatever its state is."""
+    return {
         "existence": _each(estimates.existence, "1", "probability that a target exists"),
         "label": _each(estimates.label, "1", "track in hand, 0 where there is none"),
         "track_existence": _each(estimates.track_existence, "1", "probability that the track's target exists"),
         "log_evidence": _each(estimates.log_evidence, "1", "log of the mean likelihood ratio"),
     }
+
+
+def _estimated(estimates: Estimate, unit_of: Callable[[str], str]) -> dict[str, Any]:
+    """Variables of what a tracker says, with the mean and the standard deviation of each component of the state."""
+    variables = _believed(estimates)
     for field in fields(estimates.mean):
         name, unit, long_name = field.name, unit_of(field.name), field.name.replace("_", " ")
         variables[_mean(name)] = _each(getattr(estimates.mean, name), unit, f"mean {long_name}")

@@ -5,6 +5,7 @@ that is kept of a ping, so they are held in memory, forty bytes a return. `from_
 in the units of files; `faintrack.io.returns` reads those.
 """
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -57,7 +58,7 @@ class Returns:
         """Number of pings."""
         return len(self.times)
 
-    @property
+    @functools.cached_property
     def counts(self) -> Int[np.ndarray, " ping"]:
         """Number of returns of every ping."""
         return np.bincount(self.ping, minlength=self.length)

@@ -6,7 +6,6 @@ times particles in every scan; `faintrack.filters.separable` gives the mean of i
 cheaper, where the motion allows.
 """
 
-import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -60,18 +59,7 @@ class CellParticles(eqx.Module):
         """Number of the cell that one particle of every cell ends in; the number of cells where it has left."""
         for_place, for_motion = jax.random.split(key)
         grid = self.grid
-        middles = grid.states(dtype)
-        places = jax.random.uniform(for_place, (len(grid.names) * grid.size,), dtype, -0.5, 0.5)
-        drawn = {
-            name: getattr(middles, name) + axis.step * place
-            for (name, axis), place in zip(grid.axes, places.reshape(-1, *grid.shape), strict=True)
-        }
-        others = {
-            field.name: jnp.zeros(grid.shape, dtype)
-            for field in dataclasses.fields(middles)
-            if field.name not in grid.names
-        }
-        moved = self.motion.move(dataclasses.replace(middles, **drawn, **others), self.interval, for_motion)
+        moved = self.motion.move(grid.draw(for_place, dtype), self.interval, for_motion)
         rates = set(grid.kind.rates.values())
         landing, inside = jnp.zeros(grid.shape, jnp.int32), jnp.ones(grid.shape, bool)
         for name, axis in grid.axes:

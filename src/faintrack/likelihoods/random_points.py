@@ -6,7 +6,6 @@ ratio has finer structure than the points of a cell are apart, it misses peaks. 
 states of a grid, is the same with the middle of each cell as its one point.
 """
 
-import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -64,17 +63,10 @@ class RandomPoints(eqx.Module):
         """
         grid, time = self.grid, jnp.asarray(scan.time, jnp.float32)
         key = jax.random.fold_in(self.key, jax.lax.bitcast_convert_type(time, jnp.uint32))
-        middles = grid.states()
 
         def draw(number: Int[Array, ""], total: Float[Array, "*cells"]) -> Float[Array, "*cells"]:
-            places = jax.random.uniform(
-                jax.random.fold_in(key, number), (len(grid.axes) * grid.size,), minval=-0.5, maxval=0.5
-            )
-            drawn = {
-                name: getattr(middles, name) + axis.step * place
-                for (name, axis), place in zip(grid.axes, places.reshape(-1, *grid.shape), strict=True)
-            }
-            return jnp.logaddexp(total, self.likelihood.log_ratio(scan, dataclasses.replace(middles, **drawn)))
+            states = grid.draw(jax.random.fold_in(key, number))
+            return jnp.logaddexp(total, self.likelihood.log_ratio(scan, states))
 
         nothing = jnp.full(grid.shape, -jnp.inf)
         return jax.lax.fori_loop(0, self.count, draw, nothing) - jnp.log(self.count)

@@ -84,7 +84,7 @@ def draw_matrix(axes: Axes, values: xr.DataArray, label: str) -> None:
     low, high = _colours(values)
     time, name = values.time.values, values.dims[1]
     half = (time[-1] - time[0]) / max(len(time) - 1, 1) / 2 or 0.5
-    bottom, top = _ends(values[name].values)
+    bottom, top = ends(values[name].values)
     drawn = axes.imshow(
         np.maximum(np.where(np.isnan(matrix), low, matrix), low),
         origin="lower",
@@ -140,8 +140,8 @@ def _mark(axes: Axes, data: xr.Dataset, time: float, dims: tuple[str, ...]) -> N
 
 def _extent(data: xr.Dataset, dims: tuple[str, ...]) -> tuple[float, float, float, float]:
     """Edges of an image whose first row is at the top."""
-    top, bottom = _ends(data[dims[0]].values)
-    left, right = _ends(data[dims[1]].values)
+    top, bottom = ends(data[dims[0]].values)
+    left, right = ends(data[dims[1]].values)
     return left, right, bottom, top
 
 
@@ -154,7 +154,8 @@ def _colours(values: xr.DataArray) -> tuple[float, float]:
     return float(low), float(max(high, low + 1e-9))
 
 
-def _ends(values: np.ndarray) -> tuple[float, float]:
+def ends(values: np.ndarray) -> tuple[float, float]:
+    """Where the first cell of an axis begins and the last one ends."""
     half = (values[-1] - values[0]) / max(len(values) - 1, 1) / 2 or 0.5
     return float(values[0] - half), float(values[-1] + half)
 

@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from faintrack.plots.bearing import GREY, LINE, TRACK, draw_existence, each_track
+from faintrack.plots.frames import ends
 from faintrack.result import Result
 from faintrack.scenario.build_returns import expected_returns, sonar_axes
-from faintrack.scenario.model import SonarTable
+from faintrack.scenario.sonar import SonarTable
 from faintrack.sensors.bistatic import Bistatic, fixed
 
 ACROSS = 4
@@ -32,7 +33,7 @@ def draw_returns(result: Result) -> Figure:
     """
     data = result.data
     bands = -(-data.sizes["snapshot"] // ACROSS)
-    shape = [float(np.ptp(_edges(data[name]))) for name in ("x", "y")]
+    shape = [float(np.ptp(ends(data[name].values))) for name in ("x", "y")]
     heights = [min(2.6 * shape[1] / shape[0], 5.0), 1.6] * bands + [1.5, 1.2]
     figure = Figure(figsize=(11, sum(heights) + 1.2), layout="constrained")
     rows = figure.add_gridspec(len(heights), ACROSS, height_ratios=heights)
@@ -69,7 +70,7 @@ def draw_map(axes: Axes, result: Result, number: int) -> None:
     time = float(shot.snapshot)
     now = data.isel(time=int(np.argmin(np.abs(data.time.values - time))))
     chance = float(now.existence) * np.exp(shot.position.values.T.astype(float))
-    x, y = (_edges(KM * data[name]) for name in ("x", "y"))
+    x, y = (ends(KM * data[name].values) for name in ("x", "y"))
     axes.imshow(
         np.maximum(chance, FAINTEST[0]),
         origin="lower",
@@ -101,7 +102,7 @@ def draw_velocity(axes: Axes, data: xr.Dataset, number: int) -> None:
     axes.imshow(
         np.maximum(np.exp(shot.velocity.values.T.astype(float)), FAINTEST[1]),
         origin="lower",
-        extent=(*_edges(data.vx), *_edges(data.vy)),
+        extent=(*ends(data.vx.values), *ends(data.vy.values)),
         cmap="cividis",
         norm=LogNorm(FAINTEST[1], 1),
         interpolation="nearest",
@@ -156,10 +157,3 @@ def _ellipse(result: Result, now: xr.Dataset, delay: float) -> tuple[np.ndarray,
     pair = Bistatic(source, receiver, _sonar(result).sound_speed)
     x, y = pair.position(jnp.asarray(delay), jnp.linspace(0, 2 * jnp.pi, 361))
     return KM * np.asarray(x), KM * np.asarray(y)
-
-
-def _edges(axis: xr.DataArray) -> tuple[float, float]:
-    """Ends of the first and the last cell."""
-    values = axis.values
-    half = (values[-1] - values[0]) / max(len(values) - 1, 1) / 2 or 0.5
-    return float(values[0] - half), float(values[-1] + half)

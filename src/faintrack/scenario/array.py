@@ -40,6 +40,10 @@ _KINDS = {
 """What to say in TOML's words where pydantic uses Python's."""
 
 
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+"""Two numbers, in a file a list of them."""
+
+
 class Table(BaseModel):
     """A table of a file: unknown fields, wrong types and numbers that are not finite are refused."""
 

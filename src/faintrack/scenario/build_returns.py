@@ -13,7 +13,8 @@ from faintrack.grids import Grid
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.returns import PLATFORMS, Returns
-from faintrack.scenario.model import GridTable, Scenario, SonarTable
+from faintrack.scenario.model import Scenario
+from faintrack.scenario.sonar import GridTable, SonarTable
 from faintrack.sensors.active import ActiveSonar, Pulse
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.signal.pings import Binned, in_bins

@@ -124,6 +124,15 @@ class Study:
         )
 
 
+def finished(results: Results, name: str) -> xr.Dataset | None:
+    """Runs of a setting, if there are any."""
+    try:
+        data = results(name)
+    except InputError:
+        return None
+    return data if data.sizes["run"] else None
+
+
 def load(where: str) -> Study:
     """Study by its name, or by `module:attribute`.
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from faintrack.metrics.accuracy import rmse
 from faintrack.studies.aughenbaugh2010 import scene
-from faintrack.studies.aughenbaugh2010.report import LABELS, finished, probability
+from faintrack.studies.aughenbaugh2010.report import LABELS, probability, whole
 from faintrack.studies.aughenbaugh2010.settings import BEYOND, METHODS, PULSES
 from faintrack.studies.study import Results
 
@@ -48,7 +48,7 @@ def figures(results: Results, folder: Path) -> list[Path]:
 
 
 def _found(results: Results, pulse: str, methods: tuple[str, ...]) -> dict[str, xr.Dataset]:
-    found = {method: finished(results, f"{pulse}_{method}") for method in methods}
+    found = {method: whole(results, f"{pulse}_{method}") for method in methods}
     return {method: data for method, data in found.items() if data is not None}
 
 

@@ -19,7 +19,7 @@ from faintrack.metrics.intervals import binomial_interval, bootstrap_interval, q
 from faintrack.studies.aughenbaugh2010 import runs, scene
 from faintrack.studies.aughenbaugh2010.settings import BEYOND, METHODS, PULSES
 from faintrack.studies.aughenbaugh2010.timing import update_seconds
-from faintrack.studies.study import Results, Row
+from faintrack.studies.study import Results, Row, finished
 
 WINDOW = slice(13, 29)
 """Scans 14 to 29."""
@@ -79,21 +79,16 @@ def rows(results: Results) -> list[Row]:
     found: list[Row] = []
     for pulse in PULSES:
         for method in (*METHODS, "reduced", *BEYOND):
-            data = finished(results, f"{pulse}_{method}")
+            data = whole(results, f"{pulse}_{method}")
             if data is not None:
                 found += _of_method(pulse, method, data)
     return found
 
 
-def finished(results: Results, name: str) -> xr.Dataset | None:
-    """Runs of a setting, if there are any."""
-    try:
-        data = results(name)
-    except InputError:
-        return None
-    if not data.sizes["run"]:
-        return None
-    if int(data.lost.max()):
+def whole(results: Results, name: str) -> xr.Dataset | None:
+    """Runs of a setting, if there are any, in none of which a return found no place."""
+    data = finished(results, name)
+    if data is not None and int(data.lost.max()):
         raise InputError(f"{name}: {int(data.lost.max())} returns of a ping found no place; expected none.")
     return data
 

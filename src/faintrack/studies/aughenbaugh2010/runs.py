@@ -22,6 +22,7 @@ from faintrack.likelihoods.guided import Guided
 from faintrack.likelihoods.random_points import RandomPoints
 from faintrack.likelihoods.unknown_snr import GuidedSnr
 from faintrack.sensors.active import Ping
+from faintrack.sensors.cells import Cells
 from faintrack.studies.aughenbaugh2010 import scene
 from faintrack.targets.states import PlanarSnrState, PlanarState
 from faintrack.targets.target import Target, UniformBirth
@@ -70,12 +71,10 @@ class OfCells(eqx.Module):
     def log_ratio(self, ping: Ping, states: Any) -> Float[Array, "..."]:
         """Log of the mean ratio of each state's cell."""
         table = jax.lax.optimization_barrier(self.means.log_ratio(ping))
-        index, inside = [], jnp.ones(states.x.shape, bool)
-        for (name, axis), count in zip(self.grid.axes, table.shape, strict=True):
-            number = axis.nearest(getattr(states, name))
-            inside = inside & (number >= 0) & (number < axis.count)
-            index.append(jnp.clip(number, 0, count - 1))
-        return jnp.where(inside, table[tuple(index)], 0)
+        index, inside = Cells(self.grid.axes).nearest(states)
+        # Along axes that do not matter the means have one entry.
+        each = tuple(jnp.minimum(number, count - 1) for number, count in zip(index, table.shape, strict=True))
+        return jnp.where(inside, table[each], 0)
 
 
 def follow(

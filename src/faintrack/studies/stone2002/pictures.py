@@ -12,9 +12,8 @@ from jaxtyping import Float
 
 from faintrack.likelihoods.contacts import BearingContact, Contact, RangeDetection, Together, convergence_zones
 from faintrack.studies.stone2002 import periscope, simulation, tenet
-from faintrack.studies.stone2002.report import finished
 from faintrack.studies.stone2002.settings import periscope_name
-from faintrack.studies.study import Results
+from faintrack.studies.study import Results, finished
 from faintrack.targets.states import PlanarState
 
 TRUTH = "#D55E00"

@@ -25,13 +25,12 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.stats import norm
 
-from faintrack.errors import InputError
 from faintrack.metrics.accuracy import rmse
 from faintrack.metrics.change_of_measure import log_probability_under_noise
 from faintrack.metrics.intervals import binomial_interval, bootstrap_interval, quantile_interval
 from faintrack.studies.stone2002 import periscope, simulation, tenet
 from faintrack.studies.stone2002.settings import PERISCOPE_DB, periscope_name
-from faintrack.studies.study import Results, Row
+from faintrack.studies.study import Results, Row, finished
 
 DETECTION = 0.93
 """Probability at which the two detectors are compared."""
@@ -53,15 +52,6 @@ def rows(results: Results) -> list[Row]:
         ("tenet_grid", _tenet_challenge),
     )
     return [row for name, part in parts if finished(results, name) is not None for row in part(results)]
-
-
-def finished(results: Results, name: str) -> xr.Dataset | None:
-    """Runs of a setting, if there are any."""
-    try:
-        data = results(name)
-    except InputError:
-        return None
-    return data if data.sizes["run"] else None
 
 
 def false_alarm(scans: int) -> float:
