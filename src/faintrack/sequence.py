@@ -23,12 +23,14 @@ class Sequence(Lattice):
     times : of the frames, ascending; seconds.
     axes : name and values of each axis of a frame, in the order of the array; the names are components of a state.
     source : where the frames come from, for messages.
+    start_time : what time 0 is in UTC, or None where the source does not tell.
     """
 
     read: Callable[[int, int], np.ndarray]
     times: np.ndarray
     axes: tuple[tuple[str, Axis], ...]
     source: str = "frames in memory"
+    start_time: np.datetime64 | None = None
 
     def __post_init__(self) -> None:
         if len(self.times) < 1:

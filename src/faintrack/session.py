@@ -28,6 +28,7 @@ from faintrack.scenario.build import build_beamformer, build_tracker
 from faintrack.scenario.model import Analysis, Scenario, TrackerTable
 from faintrack.sensors.array import SensorArray
 from faintrack.signal.beamformer import Beamformer
+from faintrack.signal.energies import energies
 from faintrack.signal.frames import FrameBlock, frames
 from faintrack.trackers.single import Estimate, SingleTargetTracker
 
@@ -200,9 +201,7 @@ def _take_in(
 ) -> tuple[Any, Estimate, Array]:
     scans = plan.scan(*block)
     following, estimates = tracker.steps(following, scans, key)
-    incoherent = jnp.maximum(scans.total_power, jnp.finfo(jnp.float32).tiny)
-    record = jnp.mean(scans.beam_power / incoherent[..., None], axis=1)
-    return following, estimates, 10 * jnp.log10(jnp.maximum(record, 1e-6))
+    return following, estimates, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(energies(scans)), 1e-6))
 
 
 def _advance(

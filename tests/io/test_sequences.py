@@ -424,7 +424,7 @@ def test_tiff_whose_compression_is_unknown(tmp_path):
 def test_unknown_suffix(tmp_path):
     (tmp_path / "a.avi").touch()
     sentence = sentence_about(tmp_path / "a.avi", lambda: read_sequence(tmp_path / "a.avi"))
-    assert "expected .npz, .mat, .zarr, .tif or .tiff, or a folder of PNG files." in sentence
+    assert "expected .npz, .mat, .zarr, .h5, .hdf5, .tif or .tiff, or a folder of PNG files." in sentence
 
 
 def test_a_file_lost_after_opening(tmp_path):

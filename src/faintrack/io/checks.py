@@ -93,6 +93,32 @@ def utc(text: str, field: str) -> np.datetime64:
         return np.datetime64(match[1], "ns")
 
 
+def number(text: str, field: str) -> float:
+    """Number of a text.
+
+    Parameters
+    ----------
+    text : as it stands in a file.
+    field : file and field, for the message.
+
+    Raises
+    ------
+    InputError : the text is no number, or one that is not finite.
+
+    Examples
+    --------
+    >>> number(" 1.5e3", "returns.csv, row 2: delay_s")
+    1500.0
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise InputError(f"{field} is {text.strip()!r}; expected a number.")
+    return value
+
+
 def samples_between(first: np.datetime64, later: np.datetime64, sample_rate: float, source: str) -> int:
     """Whole number of samples from one start time to a later one.
 

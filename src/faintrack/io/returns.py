@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from faintrack.errors import InputError, naming
-from faintrack.io.checks import explained, require_file, require_numeric
+from faintrack.io.checks import explained, number, require_file, require_numeric
 from faintrack.io.variables import open_zarr
 from faintrack.io.write_recordings import completed
 from faintrack.returns import Returns, from_columns, require_names, to_columns
@@ -123,21 +123,9 @@ def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
                 )
             lines.append(reader.line_num)
             for name, column, text in zip(names, columns, row, strict=True):
-                column.append(_number(text.strip(), f"{path}, row {reader.line_num}: {name}"))
+                value = text.strip()
+                column.append(number(value, f"{path}, row {reader.line_num}: {name}") if value else np.nan)
     return dict(zip(names, map(np.asarray, columns), strict=True)), np.array(lines, np.int64)
-
-
-def _number(text: str, field: str) -> float:
-    """Number of a text; not a number where it is empty."""
-    if not text:
-        return np.nan
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputError(f"{field} is {text!r}; expected a number.")
-    return value
 
 
 def _read_zarr(path: Path) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Sequences of frames from files: image stacks, range-time and range-Doppler matrices.
+"""Sequences of frames from files: image stacks, range-time and range-Doppler matrices, bearing-time records.
 
 What `faintrack.io.recordings` is for samples this is for frames. A file gives named arrays
 (`faintrack.io.variables`, `faintrack.io.images`); here one of them becomes the frames, its axes get names, and arrays
@@ -12,15 +12,17 @@ import numpy as np
 
 from faintrack.axis import Axis
 from faintrack.errors import InputError, naming
-from faintrack.io.checks import as_float, require_numeric
+from faintrack.io.checks import as_float, require_numeric, utc
 from faintrack.io.images import open_folder, open_tiff
-from faintrack.io.variables import Variable, open_mat, open_npz, open_zarr
+from faintrack.io.variables import Variable, open_hdf5, open_mat, open_npz, open_zarr
 from faintrack.sequence import Sequence
 
 READERS: dict[str, Callable[[Path], dict[str, Variable]]] = {
     ".npz": open_npz,
     ".mat": open_mat,
     ".zarr": open_zarr,
+    ".h5": open_hdf5,
+    ".hdf5": open_hdf5,
     ".tif": open_tiff,
     ".tiff": open_tiff,
 }
@@ -34,24 +36,27 @@ def read_sequence(
     variable: str | None = None,
     dims: tuple[str, ...] | None = None,
     frame_interval: float | None = None,
+    gaps: bool = False,
 ) -> Sequence:
     """Sequence of the frames in a file or folder.
 
     Parameters
     ----------
-    path : npz, MAT, Zarr or TIFF, told by suffix; any other folder is one of PNG files, one a frame.
+    path : npz, MAT, Zarr, HDF5 or TIFF, told by suffix; any other folder is one of PNG files, one a frame.
     variable : name of the array that holds the frames. Where not given the largest of the numeric arrays with 2 to 4
         axes, if no other one has as many axes.
     dims : names of its axes in the order of the file, one of them `time`, the others components of a state. Where not
-        given those that the file names (Zarr), else (time, range) or (time, y, x).
+        given those that the file names (Zarr, HDF5), else (time, range) or (time, y, x).
     frame_interval : seconds from frame to frame, the first at 0. Where not given the file's array `time`, in seconds
-        or in the `units` that Zarr tells, else 1 second.
+        or in the `units` that Zarr and HDF5 tell, else 1 second. Units of "seconds since" a time in UTC tell the
+        sequence's `start_time`.
+    gaps : whether values may be missing, which is not a number.
 
     Returns
     -------
     Sequence whose `read` gives frames in float32, or float64 where the file has it. Arrays
     named like an axis give its values, otherwise cells are numbered from 0; an axis with descending values is
-    turned around. `read` raises InputError where a frame is damaged or holds NaN or infinity.
+    turned around. `read` raises InputError where a frame is damaged or holds infinity or, without gaps, NaN.
 
     Raises
     ------
@@ -78,21 +83,22 @@ def read_sequence(
         names = _dims(name, frames, dims)
         counts = dict(zip(names, frames.shape, strict=True))
         length = counts.pop("time")
-        times = _times(variables, length, frame_interval)
-        found = [(dim, *_axis(dim, count, _coordinate(variables, dim, count))) for dim, count in counts.items()]
+        times, start_time = _times(variables, length, frame_interval)
+        found = [(dim, *evenly_spaced(dim, count, _coordinate(variables, dim, count))) for dim, count in counts.items()]
     time_axis = names.index("time")
     turned = tuple(number for number, (_, _, descends) in enumerate(found, start=1) if descends)
 
     def read(start: int, stop: int) -> np.ndarray:
         part = tuple(slice(start, stop) if dim == "time" else slice(None) for dim in names)
         values = np.flip(np.moveaxis(as_float(frames.read(part)), time_axis, 0), turned)
-        wrong = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+        good = ~np.isinf(values) if gaps else np.isfinite(values)
+        wrong = ~good.all(axis=tuple(range(1, values.ndim)))
         if wrong.any():
-            number = start + int(np.argmax(wrong))
-            raise InputError(f"{path}: frame {number} of {name} holds NaN or infinity; expected finite values.")
+            number, what = start + int(np.argmax(wrong)), "infinity" if gaps else "NaN or infinity"
+            raise InputError(f"{path}: frame {number} of {name} holds {what}; expected finite values.")
         return values
 
-    return Sequence(read, times, tuple((dim, axis) for dim, axis, _ in found), str(path))
+    return Sequence(read, times, tuple((dim, axis) for dim, axis, _ in found), str(path), start_time)
 
 
 def holds_frames(path: Path) -> bool:
@@ -176,21 +182,42 @@ def _coordinate(variables: Mapping[str, Variable], dim: str, count: int) -> np.n
     return values
 
 
-def _times(variables: Mapping[str, Variable], length: int, frame_interval: float | None) -> np.ndarray:
+def _times(
+    variables: Mapping[str, Variable], length: int, frame_interval: float | None
+) -> tuple[np.ndarray, np.datetime64 | None]:
+    """Seconds of every frame, and what second 0 is in UTC."""
     if frame_interval is not None and not 0 < frame_interval < np.inf:
         raise InputError(f"frame_interval is {frame_interval:g}; expected seconds above 0.")
     values = _coordinate(variables, "time", length) if frame_interval is None else None
     if values is None:
-        return np.arange(length) * (frame_interval or 1.0)
-    units = str(variables["time"].attributes.get("units", "s"))
-    seconds = _SECONDS.get(units.split(" since ")[0])
-    if seconds is None:
-        raise InputError(f"time has the units {units!r}; expected one of {', '.join(_SECONDS)}.")
-    return values * seconds
+        return np.arange(length) * (frame_interval or 1.0), None
+    units = variables["time"].attributes.get("units", "s")
+    unit, _, since = (units.decode() if isinstance(units, bytes) else str(units)).partition(" since ")
+    if unit not in _SECONDS:
+        raise InputError(f"time has the units {unit!r}; expected one of {', '.join(_SECONDS)}.")
+    # Some count from a moment of their own in other words: then only the seconds are known.
+    start_time = utc(since, "the units of time") if since[:1].isdigit() else None
+    return values * _SECONDS[unit], start_time
 
 
-def _axis(name: str, count: int, values: np.ndarray | None) -> tuple[Axis, bool]:
-    """Axis of the values, and whether they descend."""
+def evenly_spaced(name: str, count: int, values: np.ndarray | None) -> tuple[Axis, bool]:
+    """Axis of the values, and whether they descend.
+
+    Parameters
+    ----------
+    name : of the axis, for the message.
+    count : of the cells.
+    values : of the cells; numbers from 0 where there are none.
+
+    Raises
+    ------
+    InputError : a value is further from its even place than a tenth of a cell.
+
+    Examples
+    --------
+    >>> evenly_spaced("bearing", 3, np.array([180.0, 90.0, 0.0]))
+    (Axis(first=0.0, step=90.0, count=3), True)
+    """
     if values is None or count == 1:
         return Axis(0.0 if values is None else float(values[0]), 1.0, count), False
     first, step = float(values[0]), float(values[-1] - values[0]) / (count - 1)

@@ -1,4 +1,4 @@
-"""Named arrays of npz, MAT and Zarr files, not read before they are asked for.
+"""Named arrays of npz, MAT, Zarr and HDF5 files, not read before they are asked for.
 
 Each reader gives a table from name to `Variable`: shape, type and one function that reads a part. What a part costs
 differs with the format:
@@ -11,6 +11,7 @@ npz written compressed              out of the whole array, kept in memory
 Zarr                                by the chunks that it touches
 MAT up to version 7.2               out of the whole array, kept in memory
 MAT of version 7.3, which is HDF5   alone, or by the chunks that it touches
+HDF5                                alone, or by the chunks that it touches
 ==================================  =======================================
 
 A chunk that a Zarr folder lacks reads as the array's fill value. One that is cut short is refused, except where Blosc
@@ -195,6 +196,34 @@ def open_mat(path: Path) -> dict[str, Variable]:
         content = scipy.io.loadmat(path)
     values = {name: value for name, value in content.items() if isinstance(value, np.ndarray) and name[:2] != "__"}
     return {name: in_memory(value.ravel() if _is_vector(value.shape) else value) for name, value in values.items()}
+
+
+def open_hdf5(path: Path) -> dict[str, Variable]:
+    """Arrays at the top of an HDF5 file; axes are named by their scales or labels, where every one has one.
+
+    Raises
+    ------
+    InputError : no such file, or damaged.
+    """
+    import h5py
+
+    require_file(path)
+    complaint = f"{path} cannot be read as HDF5"
+
+    def variable(dataset: h5py.Dataset) -> Variable:
+        name = dataset.name
+
+        def read(part: Slices) -> np.ndarray:
+            with explained(complaint), h5py.File(path) as file:
+                return np.asarray(file[name][part])
+
+        dims = tuple(dim.label or (dim[0].name.lstrip("/") if len(dim) else "") for dim in dataset.dims)
+        return Variable(
+            dataset.shape, dataset.dtype, read, dims if dims and all(dims) else None, dict(dataset.attrs.items())
+        )
+
+    with explained(complaint), h5py.File(path) as file:
+        return {name: variable(item) for name, item in file.items() if isinstance(item, h5py.Dataset)}
 
 
 def _is_vector(shape: tuple[int, ...]) -> bool:
