@@ -1,0 +1,205 @@
+r"""Detectors: a region tiled by grids, each with at most one target and a probability that it is there.
+
+While nothing is known of a target, its density is broad, and a grid holds it best. A region is watched by several
+overlapping grids (kreucher2011, VI-A): small enough that two targets in one are rare, large enough that a target stays
+until it is found. All of them are one array and one compiled step; several devices share it (`shared_among`).
+
+When the probability of a detector crosses the threshold, its target is **handed over** to particles: the cells around
+the highest peak that fall into the same beams as the peak, or their neighbours, are drawn from, and are then empty. In
+Stone's terms the surface :math:`\Lambda(s)` of the detector (`faintrack.grids`) is cut in two,
+
+.. math::
+    \frac{q_R}{1 - q_R} = \sum_{s \in R} \Lambda(s), \qquad \frac{q'}{1 - q'} = \sum_{s \notin R} \Lambda(s)
+
+the odds that there is a target in the cells R that are handed over, and the odds that are left. A second target in the
+same detector is what is left, and follows in a later scan (its figures 1-2). Detectors that overlap hold the same
+target, so the cells of all of them are emptied.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from faintrack.axis import Axis
+from faintrack.belief import update
+from faintrack.errors import InputError
+from faintrack.filters.grid import GridFilter
+from faintrack.filters.resampling import systematic
+from faintrack.targets.states import PlanarState
+from faintrack.trackers.beliefs import Beliefs
+
+
+class Detectors(eqx.Module):
+    """Grids of one kind over the parts of a region.
+
+    Attributes
+    ----------
+    filter : of one detector; the cells of its grid are counted from the detector's place.
+    place : what is added to the states of the grid; components have the shape (detector,).
+    fineness : points along each component of the position at which a cell is looked at.
+    """
+
+    filter: GridFilter
+    place: Any
+    fineness: int = eqx.field(static=True, default=2)
+
+    @property
+    def count(self) -> int:
+        """Number of detectors."""
+        return len(jax.tree.leaves(self.place)[0])
+
+    @property
+    def points(self) -> Any:
+        """States at which a scan is looked at, evenly spread in the cells of all detectors, as open meshes.
+
+        A cell may be wider than a beam, so it has `fineness` points along every component of the position. Their axes
+        stand first, then the detector's, then those of the grid.
+        """
+        grid = self.filter.grid
+        steps = dict(grid.axes)
+        moving = [name for name in grid.kind.rates if name in steps]
+        spread = (np.arange(self.fineness) + 0.5) / self.fineness - 0.5
+        flat = (1,) * len(grid.axes)
+
+        def within(name: str, mesh: Array, place: Array) -> Array:
+            middles = mesh + jnp.reshape(place, (-1, *flat)).astype(mesh.dtype)
+            if name not in moving:
+                return middles
+            shape = tuple(self.fineness if other == name else 1 for other in moving)
+            return middles + jnp.asarray(steps[name].step * spread, mesh.dtype).reshape(*shape, 1, *flat)
+
+        meshes = grid.states()
+        names = [field.name for field in dataclasses.fields(meshes)]
+        return grid.kind(**{name: within(name, getattr(meshes, name), getattr(self.place, name)) for name in names})
+
+    def init(self, key: PRNGKeyArray, time: float = 0.0) -> Beliefs:
+        """Beliefs before any scan, stacked; their states are `states`."""
+        one = self.filter.init(key, time)
+        return Beliefs(
+            None,
+            jnp.repeat(one.log_weights[None], self.count, axis=0),
+            jnp.repeat(one.log_odds[None], self.count),
+            one.time,
+        )
+
+    def predict(self, beliefs: Beliefs, time: Float[Array, ""], key: PRNGKeyArray) -> Beliefs:
+        """Beliefs carried forward to `time`."""
+        return beliefs.changed(lambda belief: self.filter.predict(belief, time, key))
+
+    def update(self, beliefs: Beliefs, log_ratio: Float[Array, "..."]) -> Beliefs:
+        """Take in one scan through its log ratio at all `points`: each cell has the mean ratio of its own."""
+        over = tuple(range(log_ratio.ndim - 1 - len(self.filter.grid.axes)))
+        count = self.fineness ** len(over)
+        log_ratio = jax.nn.logsumexp(log_ratio, axis=over) - np.log(count)
+        return beliefs.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
+
+    def hand_over(
+        self, beliefs: Beliefs, beams: Int[Array, "array *points"], margin: int, count: int, key: PRNGKeyArray
+    ) -> tuple[Beliefs, Any, Float[Array, ""]]:
+        """Cut the highest peak out of the detector that is surest of a target.
+
+        Parameters
+        ----------
+        beliefs : of all detectors.
+        beams : that all `points` fall in, see `faintrack.sensors.stations.Fans.beams`.
+        margin : beams on either side of the peak's that are handed over with it.
+        count : states to draw.
+        key : random key.
+
+        Returns
+        -------
+        What is left, `count` states with equal weights, and the log odds that the target exists.
+        """
+        for_cell, for_place = jax.random.split(key)
+        surest = jnp.argmax(beliefs.log_odds)
+        weights = beliefs.log_weights[surest]
+        within = beams.ndim - 2 - weights.ndim
+        still = tuple(number for number, count in enumerate(beams.shape[2 + within :]) if count == 1)
+        top = jnp.argmax(jax.nn.logsumexp(weights, axis=still))
+        middle = (slice(None), *(self.fineness // 2,) * within, surest)
+        at_top = beams[middle].reshape(len(beams), -1)[:, top]
+        chosen = jnp.any(around(beams, at_top, margin), axis=tuple(range(within)))
+
+        mine = jnp.where(chosen[surest], weights, -jnp.inf)
+        log_odds = beliefs.log_odds[surest] + jax.nn.logsumexp(mine)
+        cells = systematic(for_cell, mine.ravel() - jax.nn.logsumexp(mine), count, count)
+        states = self._within(surest, cells, for_place)
+
+        log_weights = jnp.where(chosen, -jnp.inf, beliefs.log_weights)
+        axes = tuple(range(1, log_weights.ndim))
+        kept = jax.nn.logsumexp(log_weights, axis=axes, keepdims=True)
+        # A detector all of whose cells are taken begins anew.
+        some = kept > -jnp.inf
+        start = self.filter.init(key).log_weights
+        left = Beliefs(
+            None,
+            jnp.where(some, log_weights - jnp.where(some, kept, 0), start),
+            beliefs.log_odds + kept.reshape(-1),
+            beliefs.time,
+        )
+        return left, states, log_odds
+
+    def _within(self, detector: Int[Array, ""], cells: Int[Array, " count"], key: PRNGKeyArray) -> Any:
+        """States drawn evenly within cells of a detector."""
+        grid = self.filter.grid
+        numbers = jnp.unravel_index(cells, grid.shape)
+        places = jax.random.uniform(key, (len(grid.axes), len(cells)), minval=-0.5, maxval=0.5)
+        drawn = {
+            name: axis.first + axis.step * (number + place)
+            for (name, axis), number, place in zip(grid.axes, numbers, places, strict=True)
+        }
+        still = jax.tree.map(lambda _: jnp.zeros(len(cells)), self.place)
+        states = dataclasses.replace(still, **drawn)
+        return jax.tree.map(lambda values, place: values + jnp.asarray(place)[detector], states, self.place)
+
+
+def around(beams: Int[Array, "array *points"], middle: Int[Array, " array"], margin: int) -> Bool[Array, "*points"]:
+    """Points that fall within `margin` of the same beam in every array that hears the middle."""
+    middle = middle.reshape(-1, *(1,) * (beams.ndim - 1))
+    return jnp.all(((jnp.abs(beams - middle) <= margin) & (beams >= 0)) | (middle < 0), axis=0)
+
+
+def tiles(
+    x: tuple[float, float], y: tuple[float, float], detectors: tuple[int, int], cells: tuple[int, int], cell: float
+) -> tuple[tuple[Axis, Axis], PlanarState]:
+    """Tile a region with detectors that overlap evenly.
+
+    Parameters
+    ----------
+    x, y : ends of the region, east and north; metres.
+    detectors : along x and y.
+    cells : of one detector along x and y.
+    cell : side of a cell; metres.
+
+    Returns
+    -------
+    Axes of x and y of one detector, from 0 on, and the place of each detector.
+
+    Raises
+    ------
+    InputError : detectors that do not cover the region.
+
+    Examples
+    --------
+    >>> (x, _), place = tiles((0.0, 1000.0), (0.0, 500.0), (2, 1), (12, 10), 50.0)
+    >>> x.values[:2].tolist(), place.x.tolist()
+    ([25.0, 75.0], [0.0, 400.0])
+    """
+    corners = []
+    for name, (low, high), count, across in zip("xy", (x, y), detectors, cells, strict=True):
+        if count * across * cell < (high - low) * (1 - 1e-9):
+            raise InputError(
+                f"region: {count} detectors of {across} cells of {cell:g} m cover {count * across * cell:g} m of the "
+                f"{high - low:g} m along {name}; expected all of it."
+            )
+        last = max(high - across * cell, low)
+        corners.append(np.linspace(low, last, count) if count > 1 else np.array([low]))
+    east, north = (corner.ravel() for corner in np.meshgrid(*corners, indexing="ij"))
+    still = np.zeros(east.size)
+    axes = tuple(Axis(cell / 2, cell, count) for count in cells)
+    return (axes[0], axes[1]), PlanarState(*(jnp.asarray(values, float) for values in (east, north, still, still)))

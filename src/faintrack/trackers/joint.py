@@ -1,0 +1,269 @@
+r"""Particle trackers of several targets, updated jointly where their targets share beams.
+
+A target that has been found is followed by particles, with an existence of its own. As long as no other is heard in the
+same beams, all targets are independent, and each is a Bernoulli filter without births (kreucher2011, VI-B). Targets
+whose beams meet, in any array, form a **group**: particle p of all its members is one joint state :math:`X_p`, weighted
+by the occupation numbers of its beams (`faintrack.likelihoods.beam_energies`, its eq. 28), so that two targets in one
+beam neither fall onto the louder one nor lose the weaker.
+
+With :math:`E_p` the members that exist in joint state p, drawn with their probabilities, a member t has
+
+.. math::
+    \frac{q_t'}{1 - q_t'} = \frac{q_t}{1 - q_t} \,
+        \frac{\sum_p w_p \, p(z \mid X_p, E_p \cup t)}{\sum_p w_p \, p(z \mid X_p, E_p \setminus t)}, \qquad
+    w_{tp}' \propto w_p \, p(z \mid X_p, E_p \cup t)
+
+which is the one update of `faintrack.belief`, its log ratio less the log of the lower sum. Two trackers on one target,
+or one where the beams of two others cross, have beams that are explained without them: their evidence falls below one,
+and they die. As long as a target is tentative it may be such a **ghost**: it does not yet explain anything to the
+particles of others, which it would push out of their beams, but its existence and theirs are weighed against each
+other. Members that exist for certain have equal weights, and so stay paired when they are resampled.
+
+**Coupled partitions** propose the particles (Kreucher, Kastella and Hero 2005): one member after the other, each joint
+state draws several places to move to, and takes one with the probability that the scan gives it beside the other
+members. The weight makes up for it:
+
+.. math:: w_p \leftarrow w_p \prod_t \frac{\frac{1}{M} \sum_m \ell_{tpm}}{\ell_{tp}}
+
+with :math:`\ell_{tpm}` the ratio of proposal m, and :math:`\ell_{tp}` that of the one taken.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from faintrack.belief import covariance, mean, update
+from faintrack.filters.resampling import systematic
+from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios
+from faintrack.sensors.stations import EnergyScan
+from faintrack.targets.target import Target
+from faintrack.trackers.beliefs import Beliefs
+
+KERNEL = 0.2
+"""Standard deviation by which resampled particles are moved apart, over that of all of them."""
+
+
+class Followed(eqx.Module):
+    """Targets in hand.
+
+    Attributes
+    ----------
+    beliefs : of every slot, stacked; states and weights have the shape (slot, particle).
+    active : slots that hold a target.
+    joint : whether two slots were updated together in the last scan.
+    """
+
+    beliefs: Beliefs
+    active: Bool[Array, " slot"]
+    joint: Bool[Array, "slot slot"]
+
+
+class JointTrackers(eqx.Module):
+    """Follows several targets with particles.
+
+    Attributes
+    ----------
+    target : motion and departure; what arrives is the detectors' to find.
+    likelihood : of beam energies.
+    slots : targets that can be held at once.
+    particles : of each; a power of two.
+    proposals : places that a particle can move to in a scan.
+    margin : beams between two targets up to which they are updated together, beside the spread of their particles.
+    separate : never updates targets together, to see what it is good for.
+    """
+
+    target: Target
+    likelihood: BeamEnergies
+    slots: int = eqx.field(static=True, default=8)
+    particles: int = eqx.field(static=True, default=2048)
+    proposals: int = eqx.field(static=True, default=4)
+    margin: float = eqx.field(static=True, default=1.0)
+    separate: bool = eqx.field(static=True, default=False)
+
+    def init(self, states: Any, time: float = 0.0) -> Followed:
+        """No targets; `states` is any state, of the kind that will be followed."""
+        shape = (self.slots, self.particles)
+        nowhere = jax.tree.map(lambda component: jnp.zeros(shape, jnp.result_type(component)), states)
+        like = jax.tree.leaves(nowhere)[0]
+        beliefs = Beliefs(
+            nowhere,
+            jnp.full(shape, -jnp.log(self.particles), like.dtype),
+            jnp.full(self.slots, -jnp.inf, like.dtype),
+            jnp.asarray(time, like.dtype),
+        )
+        return Followed(beliefs, jnp.zeros(self.slots, bool), jnp.eye(self.slots, dtype=bool))
+
+    def step(self, followed: Followed, scan: EnergyScan, declared: Bool[Array, " slot"], key: PRNGKeyArray) -> Followed:
+        """Carry all targets forward to a scan and take it in (the module's equations).
+
+        Parameters
+        ----------
+        followed : after the scan before.
+        scan : one scan.
+        declared : slots whose targets explain energy to the particles of others.
+        key : random key.
+        """
+        for_choice, for_move, for_there = jax.random.split(key, 3)
+        interval = scan.time - followed.beliefs.time
+        joint = self._groups(followed, scan)
+        resampled = self._resampled(followed, joint, for_choice)
+        there = jax.nn.log_sigmoid(resampled.log_odds) - self.target.departure_rate * interval
+        log_odds = jnp.where(followed.active, there - jnp.log(-jnp.expm1(there)), -jnp.inf)
+        beliefs = dataclasses.replace(resampled, log_odds=log_odds.astype(there.dtype), time=scan.time)
+
+        exists = self._there(beliefs, for_there)
+        table = self.likelihood.table(scan, self.slots)
+        explains = exists & declared[:, None]
+        states, beams, correction = self._proposed(beliefs, explains, joint, scan, table, interval, for_move)
+        log_weights = jax.nn.log_softmax(beliefs.log_weights + correction, axis=1)
+        predicted = dataclasses.replace(beliefs, states=states, log_weights=log_weights)
+
+        def updated(there: Array) -> Beliefs:
+            without, with_it = occupied_log_ratios(table, beams, there, joint)
+            log_ratio = with_it - jax.nn.logsumexp(log_weights + without, axis=1, keepdims=True)
+            return predicted.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
+
+        whether, where = updated(exists), updated(explains)
+        return Followed(dataclasses.replace(where, log_odds=whether.log_odds), followed.active, joint)
+
+    def take(self, followed: Followed, states: Any, log_odds: Float[Array, ""]) -> Followed:
+        """Put a target into the first free slot, of which there is one; `states` has as many entries as particles."""
+        mine = jnp.arange(self.slots) == jnp.argmin(followed.active)
+        old = followed.beliefs
+        beliefs = Beliefs(
+            jax.tree.map(
+                lambda held, new: jnp.where(mine[:, None], new[None].astype(held.dtype), held), old.states, states
+            ),
+            jnp.where(mine[:, None], -jnp.log(self.particles), old.log_weights).astype(old.log_weights.dtype),
+            jnp.where(mine, log_odds, old.log_odds).astype(old.log_odds.dtype),
+            old.time,
+        )
+        joint = (followed.joint & ~mine[:, None] & ~mine[None, :]) | jnp.eye(self.slots, dtype=bool)
+        return Followed(beliefs, followed.active | mine, joint)
+
+    def middles(self, followed: Followed) -> Any:
+        """Mean state of every slot."""
+        return followed.beliefs.each(mean)
+
+    def _groups(self, followed: Followed, scan: EnergyScan) -> Bool[Array, "slot slot"]:
+        """Which slots share beams, through others too."""
+        alone = jnp.eye(self.slots, dtype=bool)
+        if self.separate:
+            return alone
+        beams = self.likelihood.fans.beams(scan.stations, followed.beliefs.states).astype(jnp.float32)
+        weights = jnp.exp(followed.beliefs.log_weights)
+        heard = beams >= 0
+        share = jnp.sum(weights * heard, axis=2)
+        safe = jnp.maximum(share, jnp.finfo(share.dtype).tiny)
+        middle = jnp.sum(weights * heard * beams, axis=2) / safe
+        spread = jnp.sqrt(jnp.sum(weights * heard * (beams - middle[..., None]) ** 2, axis=2) / safe)
+        reach = 2 * (spread[:, :, None] + spread[:, None, :]) + self.margin
+        meets = (jnp.abs(middle[:, :, None] - middle[:, None, :]) <= reach) & (share[:, :, None] > 0)
+        meets = jnp.any(meets & (share[:, None, :] > 0), axis=0)
+        meets = alone | (meets & followed.active[:, None] & followed.active[None, :])
+        for _ in range(max(self.slots - 1, 1).bit_length()):
+            meets = (meets.astype(jnp.int32) @ meets.astype(jnp.int32)) > 0
+        return meets
+
+    def _resampled(self, followed: Followed, joint: Bool[Array, "slot slot"], key: PRNGKeyArray) -> Beliefs:
+        """Equal weights where few particles carry them or a group is new; members of a group keep their pairs."""
+        beliefs, count = followed.beliefs, self.particles
+        key, for_spread = jax.random.split(key)
+        effective = jnp.exp(-jax.nn.logsumexp(2 * beliefs.log_weights, axis=1))
+        changed = jnp.any(joint != followed.joint, axis=1)
+        needed = changed | (effective < count / 2)
+        needed = jnp.any(joint & needed[None, :], axis=1)
+        # One key for the members of an old group: equal weights then are resampled to the same particles.
+        keys = jax.vmap(lambda number: jax.random.fold_in(key, number))(jnp.argmax(followed.joint, axis=1))
+        chosen = jax.vmap(lambda key, weights: _shuffled(key, weights, count))(keys, beliefs.log_weights)
+        states = jax.tree.map(
+            lambda values: jnp.where(needed[:, None], jnp.take_along_axis(values, chosen, axis=1), values),
+            beliefs.states,
+        )
+        equal = jnp.full_like(beliefs.log_weights, -jnp.log(count))
+        resampled = dataclasses.replace(
+            beliefs, states=states, log_weights=jnp.where(needed[:, None], equal, beliefs.log_weights)
+        )
+        return dataclasses.replace(resampled, states=self._spread(resampled, needed, for_spread))
+
+    def _spread(self, beliefs: Beliefs, needed: Bool[Array, " slot"], key: PRNGKeyArray) -> Any:
+        """Particles moved apart by a share of their spread, so that copies of one are different places."""
+        fields = [field.name for field in dataclasses.fields(beliefs.states)]
+        matrices = beliefs.each(covariance)
+        scale = jnp.sqrt(jnp.maximum(jnp.diagonal(matrices, axis1=1, axis2=2), 0))
+        safe = jnp.where(scale > 0, scale, 1)
+        correlation = matrices / (safe[:, :, None] * safe[:, None, :])
+        root = jnp.linalg.cholesky(correlation + 1e-3 * jnp.eye(len(fields)))
+        flat = jax.random.normal(key, (self.slots * len(fields) * self.particles,), matrices.dtype)
+        apart = root @ flat.reshape(self.slots, len(fields), self.particles)
+        apart = jnp.where(needed[:, None, None], KERNEL * scale[:, :, None] * apart, 0)
+        moved = {name: getattr(beliefs.states, name) + apart[:, number] for number, name in enumerate(fields)}
+        return dataclasses.replace(beliefs.states, **moved)
+
+    def _there(self, beliefs: Beliefs, key: PRNGKeyArray) -> Bool[Array, "slot particle"]:
+        """In which joint states each target exists, as often as it is likely to."""
+        count = self.particles
+        offsets = jax.random.uniform(key, (self.slots, 2))
+        # Evenly spaced levels in a shuffled order: every slot exists in its share of the joint states, to within one.
+        levels = (jax.vmap(lambda offset: _mixed(offset, count))(offsets[:, 0]) + offsets[:, 1:]) / count
+        return levels < jax.nn.sigmoid(beliefs.log_odds)[:, None]
+
+    def _proposed(
+        self,
+        beliefs: Beliefs,
+        explains: Bool[Array, "slot particle"],
+        joint: Bool[Array, "slot slot"],
+        scan: EnergyScan,
+        table: Float[Array, "array beam number"],
+        interval: Float[Array, ""],
+        key: PRNGKeyArray,
+    ) -> tuple[Any, Int[Array, "array slot particle"], Float[Array, "slot particle"]]:
+        """States moved by coupled partitions, their beams, and the log of what makes up for the choice."""
+        fans, slots, count = self.likelihood.fans, self.slots, self.particles
+        for_move, for_choice = jax.random.split(key)
+        many = jax.tree.map(lambda values: jnp.repeat(values[:, None], self.proposals, axis=1), beliefs.states)
+        moved = self.target.motion.move(many, interval, for_move)
+        candidates = fans.beams(scan.stations, moved)
+        array = jnp.arange(fans.arrays)[:, None, None]
+        uniform = jax.random.uniform(for_choice, (slots, count))
+
+        def place(number: Array, carried: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+            """Choose where one member goes, the others where they are."""
+            beams, taken, correction = carried
+            mine = candidates[:, number]
+            others = joint[number] & (jnp.arange(slots) != number)
+            same = (mine[:, None] == beams[:, :, None]) & (others[:, None] & explains)[None, :, None]
+            occupied = jnp.sum(same, axis=1)
+            ratio = jnp.sum(table[array, mine, occupied + 1] - table[array, mine, occupied], axis=0)
+            total = jax.nn.logsumexp(ratio, axis=0)
+            levels = jnp.cumsum(jnp.exp(ratio - total), axis=0)
+            choice = jnp.sum(levels < uniform[number] * levels[-1], axis=0)
+            chosen = jnp.take_along_axis(ratio, choice[None], axis=0)[0]
+            beams = beams.at[:, number].set(jnp.take_along_axis(mine, choice[None, None], axis=1)[:, 0])
+            return beams, taken.at[number].set(choice), correction.at[number].set(total - chosen)
+
+        start = (
+            candidates[:, :, 0],
+            jnp.zeros((slots, count), jnp.int32),
+            jnp.zeros((slots, count), beliefs.log_weights.dtype),
+        )
+        beams, taken, correction = jax.lax.fori_loop(0, slots, place, start)
+        states = jax.tree.map(lambda values: jnp.take_along_axis(values, taken[:, None], axis=1)[:, 0], moved)
+        return states, beams, joint.astype(correction.dtype) @ correction
+
+
+def _mixed(offset: Float[Array, ""], count: int) -> Int[Array, " count"]:
+    """Numbers below a power of two in an order that depends on a number from 0 to 1."""
+    seed = (offset * (count * count // 4)).astype(jnp.int32)
+    step, shift = 2 * (seed % (count // 2)) + 1, seed // (count // 2)
+    return (jnp.arange(count, dtype=jnp.int32) * step + shift) % count
+
+
+def _shuffled(key: PRNGKeyArray, log_weights: Float[Array, " particle"], count: int) -> Int[Array, " particle"]:
+    """Systematic resampling in a mixed order, so that particles of two targets are paired at random."""
+    for_comb, for_order = jax.random.split(key)
+    return systematic(for_comb, log_weights, count, count)[_mixed(jax.random.uniform(for_order), count)]

@@ -1,0 +1,220 @@
+r"""Several targets: detectors that hand over to joint particle trackers (kreucher2011).
+
+Every scan goes first to the targets that are in hand (`faintrack.trackers.joint`), then to the detectors that watch the
+region (`faintrack.trackers.detectors`), which leave out what is explained already (eq. 34-36):
+
+- near a target in hand, in the same beams of every array or their neighbours, a scan says nothing to a detector;
+- in a beam of a declared target, it can only say that there is none: what explains the energy is known.
+
+The second rule is what keeps **ghosts** away, places where the beams of two targets cross. Before any target is
+declared a ghost looks like one, and may be handed over; but once both of its targets are in hand, their beams are
+explained without it, and it dies. So a target that has been handed over is tentative: it is declared, and labelled,
+when its existence has stayed above a threshold for some scans. It is dropped when its existence falls below a lower
+one.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from faintrack.axis import Axis
+from faintrack.belief import covariance
+from faintrack.filters.adi import alternating_directions
+from faintrack.filters.grid import GridFilter
+from faintrack.grids import Grid
+from faintrack.likelihoods.beam_energies import BeamEnergies, in_beams, region_log_ratio
+from faintrack.sensors.stations import EnergyScan
+from faintrack.targets.motion import PlanarMotion
+from faintrack.targets.states import PlanarState
+from faintrack.targets.target import Target
+from faintrack.trackers.beliefs import Beliefs
+from faintrack.trackers.detectors import Detectors, around, tiles
+from faintrack.trackers.joint import Followed, JointTrackers
+
+
+class Watching(eqx.Module):
+    """What is known between scans.
+
+    Attributes
+    ----------
+    beliefs : of the detectors, stacked.
+    followed : targets in hand.
+    sure : scans in a row in which each slot's existence was high enough to be declared.
+    label : of each slot, 0 where it is not declared.
+    labels : given so far.
+    scans : taken in so far.
+    """
+
+    beliefs: Beliefs
+    followed: Followed
+    sure: Int[Array, " slot"]
+    label: Int[Array, " slot"]
+    labels: Int[Array, ""]
+    scans: Int[Array, ""]
+
+
+class SeveralEstimate(eqx.Module):
+    """What is said after a scan.
+
+    Attributes
+    ----------
+    time : of the scan; seconds.
+    detection : target-present probability of every detector, before it hands over.
+    label : of the declared target in each slot; 0 where there is none.
+    existence : of the target in each slot, declared or not; 0 in a free one.
+    mean : state of each slot.
+    covariance : of its components in their order.
+    joint : whether a target was updated together with another.
+    full : a target was found, and there was no free slot.
+    """
+
+    time: Float[Array, "*scan"]
+    detection: Float[Array, "*scan detector"]
+    label: Int[Array, "*scan slot"]
+    existence: Float[Array, "*scan slot"]
+    mean: Any
+    covariance: Float[Array, "*scan slot component component"]
+    joint: Bool[Array, "*scan slot"]
+    full: Bool[Array, "*scan"]
+
+
+class SeveralTargetsTracker(eqx.Module):
+    """Finds targets with detectors and follows them with particles.
+
+    Attributes
+    ----------
+    detectors, trackers : what finds, and what follows.
+    detect : probability of a detector at which it hands over.
+    declare : existence at which a target is declared, when it has lasted for `hold` scans.
+    drop : existence below which a target is given up.
+    hold : scans that a target is tentative.
+    margin : beams around those of a target that it explains.
+    """
+
+    detectors: Detectors
+    trackers: JointTrackers
+    detect: float = 0.9
+    declare: float = 0.99
+    drop: float = 0.1
+    hold: int = 5
+    margin: int = eqx.field(static=True, default=1)
+
+    def init(self, key: PRNGKeyArray) -> Watching:
+        """State before the first scan."""
+        slots = self.trackers.slots
+        none = jnp.zeros(slots, jnp.int32)
+        followed = self.trackers.init(self.detectors.filter.grid.states())
+        return Watching(self.detectors.init(key), followed, none, none, jnp.array(0), jnp.array(0))
+
+    def step(self, watching: Watching, scan: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
+        """Take in one scan. `key` is that of the whole record; each scan makes its own from it."""
+        for_trackers, for_detectors, for_hand_over = jax.random.split(jax.random.fold_in(key, watching.scans), 3)
+        followed = self.trackers.step(watching.followed, scan, watching.label > 0, for_trackers)
+        kept = followed.active & (followed.beliefs.existence >= self.drop)
+        followed = dataclasses.replace(followed, active=kept)
+        sure = jnp.where(kept & (followed.beliefs.existence >= self.declare), watching.sure + 1, 0)
+        old = kept & (watching.label > 0)
+        new = kept & ~old & (sure >= self.hold)
+        label = jnp.where(old, watching.label, jnp.where(new, watching.labels + jnp.cumsum(new), 0)).astype(jnp.int32)
+        middles = self.trackers.middles(followed)
+
+        beliefs = self.detectors.predict(watching.beliefs, scan.time, for_detectors)
+        beams = self.trackers.likelihood.fans.beams(scan.stations, self.detectors.points)
+        beliefs = self.detectors.update(beliefs, self._unexplained(scan, beams, middles, kept, label > 0))
+        found = jnp.max(beliefs.existence) >= self.detect
+        estimate = SeveralEstimate(
+            scan.time,
+            beliefs.existence,
+            label,
+            jnp.where(kept, followed.beliefs.existence, 0),
+            middles,
+            followed.beliefs.each(covariance),
+            kept & (jnp.sum(followed.joint & kept, axis=1) > 1),
+            found & jnp.all(kept),
+        )
+
+        def hand_over(beliefs: Beliefs, followed: Followed) -> tuple[Beliefs, Followed]:
+            left, states, log_odds = self.detectors.hand_over(
+                beliefs, beams, self.margin, self.trackers.particles, for_hand_over
+            )
+            return left, self.trackers.take(followed, states, log_odds)
+
+        wanted = found & ~jnp.all(kept)
+        beliefs, followed = jax.lax.cond(wanted, hand_over, lambda *same: same, beliefs, followed)
+        labels = watching.labels + new.sum()
+        return Watching(beliefs, followed, sure, label, labels, watching.scans + 1), estimate
+
+    @eqx.filter_jit
+    def steps(self, watching: Watching, scans: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
+        """Take in a stack of scans in one compiled loop; the estimates are stacked."""
+        return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), watching, scans)
+
+    def _unexplained(
+        self,
+        scan: EnergyScan,
+        beams: Int[Array, "array *points"],
+        middles: Any,
+        held: Bool[Array, " slot"],
+        declared: Bool[Array, " slot"],
+    ) -> Float[Array, "*points"]:
+        """Log ratio of a scan at the points of the detectors, less what targets in hand explain."""
+        likelihood = self.trackers.likelihood
+        ratios = likelihood.table(scan)[:, :, 1]
+        at = likelihood.fans.beams(scan.stations, middles)
+        number = jnp.arange(ratios.shape[1])
+        near = (jnp.abs(number - at[:, :, None]) <= self.margin) & (at >= 0)[:, :, None]
+        explained = jnp.any(near & declared[None, :, None], axis=1)
+        ratios = jnp.where(explained, jnp.minimum(ratios, 0), ratios)
+        log_ratio = region_log_ratio(in_beams(ratios, beams), beams >= 0)
+        own = jax.vmap(lambda middle, held: held & around(beams, middle, self.margin), in_axes=(1, 0))(at, held)
+        return jnp.where(jnp.any(own, axis=0), 0, log_ratio)
+
+
+def region_tracker(
+    likelihood: BeamEnergies,
+    x: tuple[float, float],
+    y: tuple[float, float],
+    detectors: tuple[int, int],
+    cells: tuple[int, int],
+    cell: float,
+    speed: Axis,
+    velocity_noise: float,
+    interval: float,
+    arrival_rate: float,
+    departure_rate: float,
+    slots: int = 8,
+    particles: int = 2048,
+    separate: bool = False,
+    **options: Any,
+) -> SeveralTargetsTracker:
+    """Tracker of targets that move at a nearly constant velocity within a region.
+
+    Parameters
+    ----------
+    likelihood : of the energies that the arrays report.
+    x, y : ends of the region, east and north; metres.
+    detectors : along x and y; they overlap evenly.
+    cells : of one detector along x and y.
+    cell : side of a cell; metres.
+    speed : cells of either component of the velocity; m/s.
+    velocity_noise : density of the acceleration along each axis; m/s per root second.
+    interval : between scans; seconds. Scans come at whole multiples of it.
+    arrival_rate : of a target in one detector; per second.
+    departure_rate : of a target that is there; per second.
+    slots, particles, separate : see `faintrack.trackers.joint.JointTrackers`.
+    options : see `SeveralTargetsTracker`.
+
+    Raises
+    ------
+    InputError : detectors that do not cover the region.
+    """
+    (along_x, along_y), place = tiles(x, y, detectors, cells, cell)
+    grid = Grid(PlanarState, (("vx", speed), ("vy", speed), ("x", along_x), ("y", along_y)))
+    target = Target(None, PlanarMotion(velocity_noise), arrival_rate, departure_rate)
+    filter = GridFilter(grid, target, alternating_directions(grid, velocity_noise, interval))
+    trackers = JointTrackers(target, likelihood, slots, particles, separate=separate)
+    return SeveralTargetsTracker(Detectors(filter, place), trackers, **options)
