@@ -26,6 +26,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.axis import Axis, Lattice
 from faintrack.belief import Belief
+from faintrack.draws import uniform
 from faintrack.errors import InputError
 
 
@@ -87,12 +88,11 @@ class Grid(Lattice):
 
     def draw(self, key: PRNGKeyArray, dtype: Any = jnp.float32) -> Any:
         """One state of every cell, drawn evenly; components have the shape of the grid."""
-        # Drawn flat: XLA compiles the counters of a draw with many axes for ten seconds.
-        places = jax.random.uniform(key, (len(self.axes) * self.size,), dtype, -0.5, 0.5)
+        places = uniform(key, (len(self.axes), *self.shape), dtype) - 0.5
         middles = self.states(dtype)
         drawn = {
             name: getattr(middles, name) + axis.step * place
-            for (name, axis), place in zip(self.axes, places.reshape(-1, *self.shape), strict=True)
+            for (name, axis), place in zip(self.axes, places, strict=True)
         }
         others = {
             field.name: jnp.zeros(self.shape, dtype)

@@ -70,7 +70,7 @@ class CellAveraging(eqx.Module):
             weights = jnp.where(heard, 1 / jnp.where(heard, scan.total_power, 1), 0)
         else:
             weights = jnp.broadcast_to(1 / self.noise_power, scan.total_power.shape)
-        response = weights @ scan.beam_power
+        response = jnp.sum(weights[:, None] * scan.beam_power, axis=0)
         around = self.reference @ response
         return jnp.where(around > 0, response / jnp.where(around > 0, around, 1), 1.0)
 

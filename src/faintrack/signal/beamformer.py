@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from faintrack.errors import InputError
 from faintrack.sensors.array import SensorArray
-from faintrack.sensors.beams import BeamGrid, BeamScan, lobe_width, steering
+from faintrack.sensors.beams import BeamGrid, BeamScan, lobe_width
 
 MIRROR_METRES = 1e-6
 """How far a channel may lie off the mirror image of another and still be taken for it."""
@@ -35,7 +35,7 @@ class Beamformer(eqx.Module):
     first_bin : of the band, counted from zero frequency.
     snapshot : samples in a transform.
     gains : shape (channel,); correction of each channel, 0 for a dead one.
-    weights : shape (frequency, row, bearing); see `beam_power`.
+    cosine, sine : shape (frequency, row, pair); weights of each pair of opposite beams, see `beam_power`.
     mirrored : whether the array, its channels reversed, is its own mirror image through its centre, as a line is.
     """
 
@@ -43,7 +43,8 @@ class Beamformer(eqx.Module):
     first_bin: int = eqx.field(static=True)
     snapshot: int = eqx.field(static=True)
     gains: Float[Array, " channel"]
-    weights: Float[Array, "frequency row bearing"]
+    cosine: Float[Array, "frequency row pair"]
+    sine: Float[Array, "frequency row pair"]
     mirrored: bool = eqx.field(static=True, default=False)
 
     def spectra(
@@ -63,25 +64,32 @@ class Beamformer(eqx.Module):
 
         Notes
         -----
-        Real products in place of a complex one, which XLA multiplies in small batches at half the speed. In general the
-        real parts of the channels stand above the imaginary ones, two rows a channel. In a mirrored array channels m
-        and m' have delays of opposite sign about the centre, and
+        Waves from opposite directions, on a line :math:`\psi` and :math:`\pi - \psi`, have delays of opposite sign.
+        With :math:`\theta_m = 2 \pi f \tau_m` two real products serve both beams of such a pair:
+
+        .. math:: B_\pm = \Big| \sum_m \cos\theta_m \, z_m \pm \sum_m \sin\theta_m \, j z_m \Big|^2
+
+        In a mirrored array channels m and m' have delays of opposite sign about the centre, and half of the rows do:
 
         .. math:: e^{j\theta} z_m + e^{-j\theta} z_{m'} = \cos\theta \, (z_m + z_{m'}) + \sin\theta \, j (z_m - z_{m'})
 
-        has real weights: one row a channel, half of the work.
+        XLA multiplies real matrices at twice the speed of complex ones, of the same number of operations.
         """
         if self.mirrored:
             near, far = _halves(spectra)
             both, apart = near + far, near - far
-            straight = jnp.concatenate([both.real, -apart.imag], axis=-1)
-            turned = jnp.concatenate([both.imag, apart.real], axis=-1)
         else:
-            straight = jnp.concatenate([spectra.real, spectra.imag], axis=-1)
-            turned = jnp.concatenate([spectra.imag, -spectra.real], axis=-1)
-        real = jnp.einsum("fcb,tkfc->ftkb", self.weights, straight)
-        imag = jnp.einsum("fcb,tkfc->ftkb", self.weights, turned)
-        return jnp.moveaxis(jnp.sum(real**2 + imag**2, axis=2), 0, 1)
+            both = apart = spectra
+        even = self._products(self.cosine, both.real, both.imag)
+        odd = self._products(self.sine, -apart.imag, apart.real)
+        here = jnp.sum((even[0] + odd[0]) ** 2 + (even[1] + odd[1]) ** 2, axis=2)
+        opposite = jnp.sum((even[0] - odd[0]) ** 2 + (even[1] - odd[1]) ** 2, axis=2)
+        opposite = opposite[..., : self.grid.beams - here.shape[-1]]
+        power = jnp.concatenate([here, opposite if self.grid.circular else opposite[..., ::-1]], axis=-1)
+        return jnp.moveaxis(power, 0, 1)
+
+    def _products(self, weights: Array, *parts: Array) -> tuple[Array, ...]:
+        return tuple(jnp.einsum("fcb,tkfc->ftkb", weights, part) for part in parts)
 
     def scan(
         self,
@@ -188,18 +196,19 @@ def beamformer(
     if beams < 8:
         raise InputError(f"beams is {beams}; expected at least 8.")
     grid = BeamGrid(frequency, beams, length // size, array.circular)
+    # The second half of the beams is opposite to the first; on a circle of an odd number none is opposite to another.
+    pairs = beams if array.circular and beams % 2 else (beams + 1) // 2
+    delays = np.asarray(array.delays(grid.bearing[:pairs]))
     mirrored = _is_mirrored(array)
+    share: np.ndarray = np.ones(1)
     if mirrored:
-        near, far = _halves(np.asarray(array.delays(grid.bearing)))
-        phase = np.pi * frequency[:, None, None] * (near - far).T
+        near, far = _halves(delays)
+        delays = (near - far) / 2
         # A channel in the centre is its own mirror image and counts once.
-        share = np.ones((phase.shape[1], 1))
-        share[len(array.gains) // 2 :] = 0.5
-        weights = np.concatenate([share * np.cos(phase), np.sin(phase)], axis=1)
-    else:
-        vectors: np.ndarray = np.moveaxis(np.asarray(steering(array, frequency, grid.bearing)), 1, 2)
-        weights = np.concatenate([vectors.real, vectors.imag], axis=1)
-    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), jnp.asarray(weights, dtype), mirrored)
+        share = np.where(np.arange(delays.shape[1]) < len(array.gains) // 2, 1.0, 0.5)[:, None]
+    phase = 2 * np.pi * frequency[:, None, None] * delays.T
+    cosine, sine = (jnp.asarray(part, dtype) for part in (share * np.cos(phase), np.sin(phase)))
+    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), cosine, sine, mirrored)
 
 
 def _is_mirrored(array: SensorArray) -> bool:

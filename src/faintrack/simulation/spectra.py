@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int, PRNGKeyArray
 
+from faintrack.draws import normal_pairs
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid
 from faintrack.trigonometry import sine_cosine
@@ -80,17 +81,17 @@ def over_spectra(
     """
 
     def numbers(frame: Array) -> Array:
-        return _unit_normals(jax.random.fold_in(key, frame), array, grid, bearing.dtype)
+        return _pairs(jax.random.fold_in(key, frame), array, grid, bearing.dtype)
 
-    def spectra(normals: Array, frame: Array) -> Array:
-        return _received(normals, bearing[frame], snr_db[frame], array, grid, noise_power)
+    def spectra(pairs: Array, frame: Array) -> Array:
+        return _received(pairs, bearing[frame], snr_db[frame], array, grid, noise_power)
 
     # The loop carries the random numbers of the frame after next and the spectra of the next. What a loop carries lies
     # in memory; otherwise XLA would draw every number anew for everything that reads it, three times as slow.
     def advance(carry: tuple[Any, Array, Array], frame: Array) -> tuple[tuple[Any, Array, Array], Any]:
-        state, heard, normals = carry
+        state, heard, pairs = carry
         state, kept = take_in(state, frame, heard)
-        return (state, spectra(normals, frame + 1), numbers(frame + 2)), kept
+        return (state, spectra(pairs, frame + 1), numbers(frame + 2)), kept
 
     first = jnp.array(0)
     start = (state, spectra(numbers(first), first), numbers(first + 1))
@@ -98,13 +99,13 @@ def over_spectra(
     return last[0], kept
 
 
-def _unit_normals(key: PRNGKeyArray, array: SensorArray, grid: BeamGrid, dtype: Any) -> Float[Array, " number"]:
+def _pairs(key: PRNGKeyArray, array: SensorArray, grid: BeamGrid, dtype: Any) -> Complex[Array, " pair"]:
     """The random numbers of one frame, in one row: XLA takes seconds to compile random numbers along five axes."""
-    return jax.random.normal(key, (2 * grid.snapshots * grid.frequency.size * (len(array.gains) + 1),), dtype)
+    return normal_pairs(key, grid.snapshots * grid.frequency.size * (len(array.gains) + 1), dtype)
 
 
 def _received(
-    normals: Float[Array, " number"],
+    pairs: Complex[Array, " pair"],
     bearing: Float[Array, ""],
     snr_db: Float[Array, ""],
     array: SensorArray,
@@ -112,14 +113,10 @@ def _received(
     noise_power: Float[Array, " frequency"] | float,
 ) -> Complex[Array, "snapshot frequency channel"]:
     """The module's equation for one frame, from its random numbers."""
-    frequencies, channels, dtype = grid.frequency.size, len(array.gains), normals.dtype
+    frequencies, channels, dtype = grid.frequency.size, len(array.gains), bearing.dtype
     scale = jnp.sqrt(jnp.broadcast_to(jnp.asarray(noise_power, dtype), (frequencies,)) / 2)[:, None]
-    signal, noise = jnp.split(normals, [2 * grid.snapshots * frequencies])
-    real, imag = jnp.sqrt(10 ** (snr_db / 10)) * scale * signal.reshape(2, grid.snapshots, frequencies, 1)
-    noise = scale * noise.reshape(2, grid.snapshots, frequencies, channels)
+    signal, noise = jnp.split(pairs, [grid.snapshots * frequencies])
+    signal = jnp.sqrt(10 ** (snr_db / 10)) * scale * signal.reshape(grid.snapshots, frequencies, 1)
+    noise = scale * noise.reshape(grid.snapshots, frequencies, channels)
     sine, cosine = sine_cosine(2 * jnp.pi * jnp.asarray(grid.frequency, dtype)[:, None] * array.delays(bearing[None]))
-    alive = jnp.asarray(array.alive, dtype)
-    # Real and imaginary part apart: XLA works on complex numbers one by one.
-    return jax.lax.complex(
-        alive * (real * cosine + imag * sine + noise[0]), alive * (imag * cosine - real * sine + noise[1])
-    )
+    return jnp.asarray(array.alive, dtype) * (signal * jax.lax.complex(cosine, -sine) + noise)

@@ -17,10 +17,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from faintrack.draws import normal
 from faintrack.targets.states import BearingState
 
 Scalar = Float[Array, ""] | float
@@ -96,7 +96,7 @@ class BearingMotion(eqx.Module):
     def move(self, states: BearingState, interval: Scalar, key: PRNGKeyArray) -> BearingState:
         """Draw the states after `interval` seconds."""
         shape, dtype = states.bearing.shape, states.bearing.dtype
-        draws = jax.random.normal(key, (3, *shape), dtype)
+        draws = normal(key, (3, *shape), dtype)
         a, b, c = self.noise(interval)
         bearing = states.bearing + interval * states.bearing_rate + self.rate_noise * (a * draws[0] + b * draws[1])
         rate = states.bearing_rate + self.rate_noise * c * draws[0]
@@ -189,9 +189,7 @@ class OrnsteinUhlenbeck(eqx.Module):
 def _drawn(states: Any, step: Step, key: PRNGKeyArray) -> Any:
     """States after a step: every component that has a rate, and the rate."""
     first = getattr(states, next(iter(states.rates)))
-    # Drawn flat: XLA compiles the counters of a draw with five axes for ten seconds.
-    flat = jax.random.normal(key, (2 * len(states.rates) * first.size,), first.dtype)
-    draws = flat.reshape(2, len(states.rates), *first.shape)
+    draws = normal(key, (2, len(states.rates), *first.shape), first.dtype)
     moved = {}
     for (name, rate), u, w in zip(states.rates.items(), draws[0], draws[1], strict=True):
         place, speed = getattr(states, name), getattr(states, rate)

@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from faintrack.draws import uniform
 from faintrack.errors import InputError
 
 Scalar = Float[Array, ""] | float
@@ -55,7 +56,7 @@ class UniformBirth(eqx.Module):
         """Draw `count` states; components have the shape (count,) and the type of the corners."""
         low, treedef = jax.tree.flatten(self.low)
         high = jax.tree.leaves(self.high)
-        draws = jax.random.uniform(key, (len(low), count), jnp.result_type(*low))
+        draws = uniform(key, (len(low), count), jnp.result_type(*low))
         return jax.tree.unflatten(treedef, [a + (b - a) * u for a, b, u in zip(low, high, draws, strict=True)])
 
 
