@@ -42,7 +42,7 @@ from jaxtyping import Array, Bool, Float, Int
 from faintrack.errors import InputError
 from faintrack.sensors.stations import EnergyScan, Fans
 
-Level = Float[Array, " array"] | float
+Level = Float[Array, " array"] | Float[np.ndarray, " array"] | float
 
 
 class BeamEnergies(eqx.Module):

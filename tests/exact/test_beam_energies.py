@@ -1,0 +1,171 @@
+"""Energies of beams against densities multiplied beam by beam, hypotheses told apart one by one, and plane geometry."""
+
+import itertools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from faintrack.errors import InputError
+from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio
+from faintrack.sensors.stations import EnergyScan, Fans, Stations
+from faintrack.targets.states import BearingState, PlanarState
+from tests.tolerances import STANDARD_ERRORS, assert_mean, rounding
+
+TEN = math.radians(10)
+FANS = Fans((0.0, -math.pi), (TEN, TEN), (19, 36), (True, False))
+"""A line and an array that hears the full circle, ten degrees from beam to beam."""
+
+EAST = Stations(jnp.array([0.0, 700.0]), jnp.array([0.0, 50.0]), jnp.array([math.pi / 2, 0.0]))
+MODEL = BeamEnergies(FANS, np.array([1.0, 2.0]), np.array([0.5, 1.0]), np.array([3.0, 4.5]), np.array([0.7, 1.0]))
+
+
+def planar(x: np.ndarray, y: np.ndarray) -> PlanarState:
+    return PlanarState(jnp.asarray(x), jnp.asarray(y), jnp.zeros(()), jnp.zeros(()))
+
+
+def scan(rng: np.random.Generator) -> EnergyScan:
+    usable = np.arange(36) < np.array([[19], [36]])
+    return EnergyScan(jnp.array(0.0), jnp.asarray(rng.normal(2.0, 1.5, (2, 36))), jnp.asarray(usable), EAST)
+
+
+def test_beams_of_a_line_and_a_circle_follow_from_plane_geometry(float64: type) -> None:
+    x, y = np.random.default_rng(0).uniform(-900, 900, (2, 500))
+    line, circle = np.asarray(FANS.beams(EAST, planar(x, y)))
+    # The angle from the east axis, whichever side; and clockwise from north, seen from the second array.
+    from_axis = np.degrees(np.arccos(x / np.hypot(x, y)))
+    from_north = (90 - np.degrees(np.angle((x - 700) + 1j * (y - 50)))) % 360
+    np.testing.assert_array_equal(line, np.round(from_axis / 10))
+    np.testing.assert_array_equal(circle, np.round((from_north + 180) / 10) % 36)
+
+
+def test_a_line_cannot_tell_its_sides_apart_and_may_be_turned(float64: type) -> None:
+    turned = Stations(jnp.zeros(2), jnp.zeros(2), jnp.full(2, math.radians(30)))
+    ahead = planar(
+        np.array([math.sin(math.radians(30)), math.sin(math.radians(80)), math.sin(math.radians(-20))]),
+        np.array([math.cos(math.radians(30)), math.cos(math.radians(80)), math.cos(math.radians(-20))]),
+    )
+    assert FANS.beams(turned, ahead)[0].tolist() == [0, 5, 5]
+
+
+def test_a_bearing_of_its_own_needs_no_place() -> None:
+    states = BearingState(jnp.array([0.0, 0.5, 4.0]), jnp.zeros(3), jnp.zeros(3))
+    assert FANS.beams(EAST, states)[0].tolist() == [0, 3, -1]
+
+
+def test_joint_ratio_is_the_product_over_all_beams(float64: type) -> None:
+    """kreucher2011, eq. 28, every beam multiplied out, two of three targets in one beam of an array."""
+    rng = np.random.default_rng(1)
+    here = scan(rng)
+    x, y = rng.uniform(-900, 900, (2, 3, 40))
+    x[1, :10], y[1, :10] = x[0, :10], y[0, :10]
+    there = rng.random((3, 40)) < 0.7
+    beams = np.asarray(FANS.beams(EAST, planar(x, y)))
+    joint = np.array([[True, True, False], [True, True, False], [False, False, True]])
+    table = MODEL.table(here, 3)
+    found = jax.jit(occupied_log_ratios)(table, jnp.asarray(beams), jnp.asarray(there), jnp.asarray(joint))
+    without, with_it = map(np.asarray, found)
+    energy = np.asarray(here.energy)
+
+    def direct(members: list[int], particle: int) -> float:
+        total = 0.0
+        for array in range(2):
+            counts = np.bincount(beams[array, members, particle], minlength=36) if members else np.zeros(36, int)
+            mean0, std0, mean1, std1 = (
+                np.asarray(value)[array]
+                for value in (MODEL.absent_mean, MODEL.absent_std, MODEL.present_mean, MODEL.present_std)
+            )
+            mean = mean0 + counts * (mean1 - mean0)
+            std = np.sqrt(std0**2 + counts * (std1**2 - std0**2))
+            total += np.sum(norm.logpdf(energy[array], mean, std) - norm.logpdf(energy[array], mean0, std0))
+        return total
+
+    for target, particle in itertools.product(range(3), range(40)):
+        others = [u for u in range(3) if joint[target, u] and u != target and there[u, particle]]
+        tolerance = rounding(np.float64, 2000) * 100
+        assert abs(without[target, particle] - direct(others, particle)) < tolerance
+        assert abs(with_it[target, particle] - direct([*others, target], particle)) < tolerance
+
+
+def test_one_target_has_the_ratio_of_its_beams(float64: type) -> None:
+    here = scan(np.random.default_rng(2))
+    states = planar(np.array([200.0, -400.0]), np.array([300.0, 100.0]))
+    beams = np.asarray(FANS.beams(EAST, states))
+    expected = [
+        sum(
+            norm.logpdf(here.energy[j, b[j]], MODEL.present_mean[j], MODEL.present_std[j])
+            - norm.logpdf(here.energy[j, b[j]], MODEL.absent_mean[j], MODEL.absent_std[j])
+            for j in range(2)
+        )
+        for b in beams.T
+    ]
+    np.testing.assert_allclose(MODEL.log_ratio(here, states), expected, rtol=rounding(np.float64, 1000))
+
+
+@pytest.mark.parametrize("arrays", [2, 3, 4])
+def test_region_ratio_is_presence_over_the_best_absence(arrays: int, float64: type) -> None:
+    """kreucher2011, eq. 18, the maximum taken over every set of arrays that a target elsewhere may be heard by."""
+    ratios = np.random.default_rng(3).normal(0, 3, (arrays, 200))
+    subsets = [s for n in range(arrays) for s in itertools.combinations(range(arrays), n)]
+    best = np.max([ratios[list(s)].sum(axis=0) for s in subsets], axis=0)
+    found = region_log_ratio(jnp.asarray(ratios), jnp.ones(ratios.shape, bool))
+    np.testing.assert_allclose(found, ratios.sum(axis=0) - best, atol=rounding(np.float64, 100) * 10)
+
+
+def test_what_one_array_hears_alone_counts_against_a_target_only() -> None:
+    ratios = jnp.array([[3.0, -3.0], [5.0, 5.0]])
+    heard = jnp.array([[True, True], [False, False]])
+    assert region_log_ratio(ratios, heard).tolist() == [0.0, -3.0]
+
+
+def test_beams_that_are_not_usable_say_nothing() -> None:
+    here = scan(np.random.default_rng(4))
+    silent = EnergyScan(here.time, here.energy.at[:, 3].set(jnp.nan), here.usable.at[:, 3].set(False), EAST)
+    table = MODEL.table(silent, 2)
+    assert jnp.all(table[:, 3] == 0)
+    assert jnp.all(jnp.isfinite(table))
+    assert jnp.all(table[:, -1] == 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"absent_std": 0.0}, "above 0"),
+        ({"present_std": 0.5}, "not below"),
+        ({"present_mean": 0.0}, "second above"),
+    ],
+)
+def test_levels_that_cannot_be_are_refused(change: dict[str, float], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        BeamEnergies(FANS, **{"absent_mean": 0.0, "absent_std": 1.0, "present_mean": 2.0, "present_std": 1.0, **change})
+
+
+def test_fans_that_cannot_be_are_refused() -> None:
+    with pytest.raises(InputError, match="above 0"):
+        Fans((0.0,), (0.0,), (10,), (True,))
+    with pytest.raises(InputError, match="as many entries"):
+        Fans((0.0, 1.0), (0.1,), (10,), (True,))
+
+
+def test_mean_ratio_without_a_target_is_one_and_that_of_a_region_below(float64: type) -> None:
+    """Within five standard errors; a target elsewhere, heard by one array, does not raise the region's above one."""
+    model = BeamEnergies(FANS, 0.0, 1.0, 1.0, 1.0)
+    where = planar(np.array([250.0]), np.array([400.0]))
+    beams = FANS.beams(EAST, where)
+
+    def draw(key: jax.Array, elsewhere: float) -> tuple[jax.Array, jax.Array]:
+        energy = jax.random.normal(key, (2, 36)).at[0, beams[0, 0]].add(elsewhere)
+        here = EnergyScan(jnp.array(0.0), energy, jnp.ones((2, 36), bool), EAST)
+        ratios = model.table(here)[:, :, 1][jnp.arange(2)[:, None], beams]
+        return jnp.exp(model.log_ratio(here, where))[0], jnp.exp(region_log_ratio(ratios, beams >= 0))[0]
+
+    keys = jax.random.split(jax.random.key(0), 20_000)
+    plain, region = jax.vmap(lambda key: draw(key, 0.0))(keys)
+    _, heard = jax.vmap(lambda key: draw(key, 1.0))(keys)
+    assert_mean(np.asarray(plain), 1.0)
+    for draws in (region, heard):
+        error = float(draws.std()) / math.sqrt(len(draws))
+        assert float(draws.mean()) < 1 + STANDARD_ERRORS * error

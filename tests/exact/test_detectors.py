@@ -1,0 +1,81 @@
+"""Detectors: odds cut in two, what is handed over, cells looked at in several points."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from faintrack.errors import InputError
+from faintrack.trackers.beliefs import Beliefs
+from faintrack.trackers.detectors import around, tiles
+from tests.region import FANS, STATIONS, tracker
+from tests.tolerances import rounding
+
+detectors = tracker().detectors
+beams = FANS.beams(STATIONS, detectors.points)
+
+
+def peaked(*places: tuple[int, int, int, float]) -> Beliefs:
+    """Beliefs with peaks at cells (detector, x, y) and these log weights, nearly flat elsewhere."""
+    start = detectors.init(jax.random.key(0))
+    log_weights = start.log_weights
+    for detector, x, y, height in places:
+        log_weights = log_weights.at[detector, :, :, x, y].add(height)
+    total = jax.nn.logsumexp(log_weights, axis=(1, 2, 3, 4), keepdims=True)
+    return Beliefs(None, log_weights - total, jnp.array([2.0, 1.0]), start.time)
+
+
+def test_odds_are_cut_in_two() -> None:
+    """Those handed over and those left add up to those before, in the detector that hands over."""
+    before = peaked((0, 4, 8, 9.0), (0, 7, 2, 8.0))
+    left, states, log_odds = detectors.hand_over(before, beams, 1, 64, jax.random.key(1))
+    together = jnp.logaddexp(log_odds, left.log_odds[0])
+    assert abs(float(together - before.log_odds[0])) < rounding(np.float32, 1000)
+    assert abs(float(jax.nn.logsumexp(left.log_weights[0]))) < rounding(np.float32, 10_000)
+    # The peak is taken, the second target stays.
+    assert left.log_weights[0, 2, 2, 4, 8] == -jnp.inf
+    assert int(jnp.argmax(left.log_weights[0].sum(axis=(0, 1)))) == 7 * 16 + 2
+    del states
+
+
+def test_states_lie_in_the_beams_of_the_peak() -> None:
+    before = peaked((0, 4, 8, 9.0))
+    _, states, _ = detectors.hand_over(before, beams, 0, 256, jax.random.key(1))
+    grid = dict(detectors.filter.grid.axes)
+    x = float(detectors.place.x[0]) + grid["x"].values[4]
+    y = float(detectors.place.y[0]) + grid["y"].values[8]
+    near = np.hypot(states.x - x, states.y - y)
+    assert np.quantile(near, 0.9) < 2 * grid["x"].step
+    assert np.abs(states.vx).max() <= grid["vx"].values[-1] + grid["vx"].step / 2
+
+
+def test_detectors_that_overlap_are_emptied_of_the_same_target() -> None:
+    before = peaked((0, 7, 8, 9.0), (1, 0, 8, 9.0))
+    left, _, _ = detectors.hand_over(before, beams, 1, 16, jax.random.key(1))
+    assert left.log_weights[1, 2, 2, 0, 8] == -jnp.inf
+    assert left.log_odds[1] < before.log_odds[1]
+
+
+def test_a_cell_has_the_mean_ratio_of_its_points() -> None:
+    before = detectors.init(jax.random.key(0))
+    before = Beliefs(None, before.log_weights, jnp.zeros(2), before.time)
+    log_ratio = jax.random.normal(jax.random.key(2), (2, 2, 2, 1, 1, 9, 16))
+    after = detectors.update(before, log_ratio)
+    mean = np.exp(np.asarray(log_ratio, float)).mean(axis=(0, 1))
+    np.testing.assert_allclose(after.log_odds, np.log(mean.mean(axis=(1, 2, 3, 4))), atol=rounding(np.float32, 1000))
+
+
+def test_points_are_spread_evenly_in_their_cells() -> None:
+    x = np.unique(np.asarray(detectors.points.x)[:, 0, 0, 0, 0, :, 0])
+    np.testing.assert_allclose(np.diff(x), 25.0, rtol=rounding(np.float32, 10_000))
+
+
+def test_neighbours_in_every_array_that_hears_the_middle() -> None:
+    numbers = jnp.array([[3, 4, 6, -1], [9, 9, 9, 9]])
+    assert around(numbers, jnp.array([4, 9]), 1).tolist() == [True, True, False, False]
+    assert around(numbers, jnp.array([-1, 9]), 1).tolist() == [True] * 4
+
+
+def test_tiles_have_to_cover_the_region() -> None:
+    with pytest.raises(InputError, match="cover 500 m of the 600 m along y"):
+        tiles((0.0, 500.0), (0.0, 600.0), (2, 1), (10, 20), 25.0)

@@ -1,0 +1,136 @@
+"""Joint trackers against sums over every subset of targets that exist, and proposals against plain motion."""
+
+import itertools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.sensors.stations import EnergyScan
+from faintrack.targets.motion import PlanarMotion
+from faintrack.targets.states import PlanarState
+from faintrack.targets.target import Target
+from faintrack.trackers.joint import Followed, JointTrackers, _mixed
+from tests.region import FANS, MODEL, STATIONS
+from tests.tolerances import STANDARD_ERRORS, rounding
+
+STAYS = 0.02
+"""Rate of departure; with it existence after prediction is exp(-0.02) of that before."""
+
+still = JointTrackers(Target(None, PlanarMotion(0.0), 0.0, STAYS), MODEL, slots=3, particles=1024, proposals=1)
+
+
+def held(trackers: JointTrackers, places: list[tuple[float, float]], existence: list[float], spread: float) -> Followed:
+    """Targets around places; all are put into slots one after the other."""
+    followed = trackers.init(PlanarState(*(jnp.zeros(()),) * 4))
+    for number, ((x, y), q) in enumerate(zip(places, existence, strict=True)):
+        off = spread * jax.random.normal(jax.random.key(number), (2, trackers.particles))
+        states = PlanarState(x + off[0], y + off[1], *jnp.zeros((2, trackers.particles)))
+        followed = trackers.take(followed, states, jnp.array(math.log(q / (1 - q))))
+    return followed
+
+
+def scan(seed: int) -> EnergyScan:
+    energy = 2 + 2 * jax.random.normal(jax.random.key(seed), (2, 37))
+    return EnergyScan(jnp.array(1.0), energy, jnp.ones((2, 37), bool), STATIONS)
+
+
+@pytest.mark.parametrize(
+    "places",
+    [
+        [(10.0, 10.0), (300.0, -200.0), (-200.0, 300.0)],
+        [(10.0, 10.0), (10.0, 10.0), (-200.0, 300.0)],
+        [(100.0, 100.0), (-100.0, -100.0), (100.0, -100.0)],
+    ],
+    ids=["apart", "two in one place", "one where the beams of two cross"],
+)
+def test_existence_is_the_sum_over_every_subset(places: list[tuple[float, float]]) -> None:
+    """Targets whose places are known: probabilities by Bayes' rule over the eight subsets, each beam multiplied out.
+
+    Who exists is drawn for each of n particles, so odds err by chance: a share strays by 1/(2 sqrt(n)) at most, and
+    odds no further than that over the smallest share, 0.2.
+    """
+    before = [0.6, 0.7, 0.8]
+    after = still.step(held(still, places, before, 0.0), scan(7), jnp.zeros(3, bool), jax.random.key(1))
+    predicted = np.array(before) * math.exp(-STAYS)
+    table = np.asarray(MODEL.table(scan(7), 3), float)
+    x, y = np.array(places).T
+    beams = np.asarray(MODEL.fans.beams(STATIONS, PlanarState(jnp.asarray(x), jnp.asarray(y), *jnp.zeros((2, 3)))))
+    joint = np.zeros(3)
+    total = 0.0
+    for subset in itertools.product([False, True], repeat=3):
+        chosen = np.array(subset)
+        prior = np.prod(np.where(chosen, predicted, 1 - predicted))
+        log_ratio = sum(
+            table[array, beam, count]
+            for array in range(2)
+            for beam, count in zip(*np.unique(beams[array, chosen], return_counts=True), strict=True)
+        )
+        weight = prior * math.exp(log_ratio)
+        total += weight
+        joint += weight * chosen
+    expected = np.log(joint / (total - joint))
+    apart = all(len(set(row)) == 3 for row in beams)
+    tolerance = rounding(np.float32, 1000) if apart else STANDARD_ERRORS / (0.2 * 2 * math.sqrt(1024))
+    np.testing.assert_allclose(after.beliefs.log_odds, expected, atol=tolerance)
+
+
+def test_a_single_target_is_a_bernoulli_filter() -> None:
+    """Spread over beams, its evidence is the mean ratio of its particles."""
+    one = held(still, [(10.0, 10.0)], [0.5], 60.0)
+    here = scan(3)
+    after = still.step(one, here, jnp.ones(3, bool), jax.random.key(1))
+    states = jax.tree.map(lambda values: values[0], one.beliefs.states)
+    ratio = np.asarray(MODEL.log_ratio(here, states), float)
+    predicted = 0.5 * math.exp(-STAYS)
+    expected = math.log(predicted / (1 - predicted)) + math.log(np.mean(np.exp(ratio)))
+    assert abs(float(after.beliefs.log_odds[0]) - expected) < rounding(np.float32, 1000)
+    weights = np.exp(ratio) / np.exp(ratio).sum()
+    np.testing.assert_allclose(np.exp(after.beliefs.log_weights[0]), weights, atol=rounding(np.float32, 1000))
+
+
+def test_proposals_stand_for_plain_motion() -> None:
+    """Place and evidence under coupled partitions and under one draw a particle agree, within five standard errors of
+    32 repetitions each."""
+    quiet = BeamEnergies(FANS, 0.0, 1.0, 1.0, 1.0)
+    moving = Target(None, PlanarMotion(40.0), 0.0, STAYS)
+    here = EnergyScan(jnp.array(1.0), scan(5).energy / 2, jnp.ones((2, 37), bool), STATIONS)
+
+    def repeated(proposals: int) -> np.ndarray:
+        trackers = JointTrackers(moving, quiet, slots=2, particles=2048, proposals=proposals)
+        followed = held(trackers, [(10.0, 10.0), (60.0, 10.0)], [0.9, 0.9], 30.0)
+
+        def once(key: jax.Array) -> jax.Array:
+            beliefs = trackers.step(followed, here, jnp.ones(2, bool), key).beliefs
+            middle = jnp.sum(jnp.exp(beliefs.log_weights[0]) * beliefs.states.x[0])
+            return jnp.stack([beliefs.log_odds[0], middle])
+
+        return np.asarray(jax.jit(jax.vmap(once))(jax.random.split(jax.random.key(proposals), 32)), float)
+
+    plain, coupled = repeated(1), repeated(4)
+    error = np.sqrt((plain.var(axis=0, ddof=1) + coupled.var(axis=0, ddof=1)) / 32)
+    assert np.all(np.abs(plain.mean(axis=0) - coupled.mean(axis=0)) < STANDARD_ERRORS * error)
+
+
+def test_mixing_is_a_permutation() -> None:
+    for offset in (0.0, 0.3, 0.999999):
+        assert sorted(_mixed(jnp.float32(offset), 512).tolist()) == list(range(512))
+
+
+def test_members_of_a_group_stay_paired() -> None:
+    """Two targets in the same beams, certain to exist, have the same weights after a scan, and are joint."""
+    followed = held(still, [(10.0, 10.0), (12.0, 10.0)], [1 - 1e-6, 1 - 1e-6], 40.0)
+    after = still.step(followed, scan(2), jnp.ones(3, bool), jax.random.key(0))
+    assert after.joint[:2, :2].all()
+    apart = np.abs(np.exp(after.beliefs.log_weights[0]) - np.exp(after.beliefs.log_weights[1])).sum()
+    # One target leaves within a scan with probability 0.02: so much may differ.
+    assert apart < 4 * STAYS
+
+
+def test_what_is_taken_goes_to_a_free_slot() -> None:
+    followed = held(still, [(10.0, 10.0), (300.0, -200.0)], [0.5, 0.9], 0.0)
+    assert followed.active.tolist() == [True, True, False]
+    assert np.allclose(followed.beliefs.existence[:2], [0.5, 0.9])
