@@ -16,6 +16,7 @@ velocities change, use `faintrack.filters.separable`.
 """
 
 import math
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -34,6 +35,8 @@ class Shifts(eqx.Module):
     grid : cells; the rate of a component that moves is an axis too.
     interval : of one step, to which the plant noise belongs; seconds.
     plant : probabilities of moving by -d to d cells more, an odd number of them; the same along every component.
+    join : what becomes of paths that meet: their logs are summed over an axis. `jax.numpy.max` keeps the likeliest
+        (`faintrack.baselines.viterbi`).
 
     Raises
     ------
@@ -43,6 +46,7 @@ class Shifts(eqx.Module):
     grid: Grid = eqx.field(static=True)
     interval: float = eqx.field(static=True)
     plant: tuple[float, ...] = eqx.field(static=True, default=(1.0,))
+    join: Callable[..., Array] = eqx.field(static=True, default=jax.nn.logsumexp)
 
     def __check_init__(self) -> None:
         if len(self.plant) % 2 == 0 or min(self.plant) < 0 or abs(sum(self.plant) - 1) > 1e-6:
@@ -87,7 +91,7 @@ class Shifts(eqx.Module):
             for number, probability in enumerate(self.plant)
             if probability > 0
         ]
-        return jax.nn.logsumexp(jnp.stack(parts), axis=0)
+        return self.join(jnp.stack(parts), axis=0)
 
     def _log_leaving(self, shift: Int[Array, " rate"], count: int) -> Float[Array, "rate place"]:
         """Log of the probability of ending off the grid from every cell."""

@@ -1,0 +1,175 @@
+r"""One target in an image, and three trackers that look for it: grid, dynamic programming, particles.
+
+davey2008 compares a Bayesian grid, dynamic programming (Viterbi), particles and the histogram probabilistic
+multi-hypothesis tracker for one target in two-dimensional images, at peak signal to noise ratios of 12, 6 and 3 dB, by
+overall and instantaneous probability of detection, root mean square error of the position, number and length of false
+tracks, and computation. That much stands in its abstract and in a public digest of it. The rest was not at hand and is
+chosen here:
+
+- 32 x 32 pixels, 40 frames a second apart, a target in frames 10 to 29 that moves straight on, at up to one pixel a
+  frame in any direction;
+- its amplitude is constant with any phase in complex Gaussian noise and spreads as a Gaussian of one pixel: the power
+  of a pixel is Rice's squared, and the peak signal to noise ratio is the target's power over the noise's in a pixel
+  with the target in its middle;
+- all trackers know that ratio. A target appears with 0.01 and stays with 0.95 from frame to frame, anywhere, at up to
+  one pixel a frame along each axis.
+
+**Grid** and **dynamic programming** share pixels, 9 x 9 velocities a quarter of a pixel apart, plant noise of a pixel
+with 0.1 either way along each axis, and the mean ratio over places within a pixel; one sums over paths, the other keeps
+the likeliest. **Particles**: 10,000 that follow, 5000 newborn in every frame, not guided.
+
+What is thresholded is the log odds of existence, or the score of the best path; the place is the mean under the belief,
+or where the best path ends. The fourth tracker of davey2008 is not in this package.
+"""
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from faintrack.axis import Axis
+from faintrack.baselines.viterbi import Viterbi, follow
+from faintrack.belief import Belief, mean
+from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
+from faintrack.filters.grid import GridFilter
+from faintrack.filters.run import run
+from faintrack.filters.shifts import Shifts
+from faintrack.grids import Grid
+from faintrack.likelihoods.cells import CellLikelihood, gaussian_spread, swerling0
+from faintrack.likelihoods.within import Within
+from faintrack.sensors.cells import Cells, CellScan
+from faintrack.simulation.cells import draw_scans
+from faintrack.targets.motion import PlanarMotion
+from faintrack.targets.states import PlanarState
+from faintrack.targets.target import Target, UniformBirth, rates
+
+PIXELS, SCANS, APPEARS, LEAVES = 32, 40, 10, 30
+"""Along each side; frames; first frame with a target, and first without again."""
+
+FASTEST, VELOCITIES, PLANT = 1.0, 9, (0.1, 0.8, 0.1)
+"""Pixels a frame; velocities along each axis of the grid; its plant noise."""
+
+BIRTH, SURVIVAL = 0.01, 0.95
+"""From frame to frame."""
+
+WIDTH, REACH, PLACES = 0.5**0.5, 2, 3
+"""Spread of the power, pixels: that of an amplitude of width 1; pixels looked at on either side; places told apart."""
+
+PARTICLES, NEWBORN, VELOCITY_NOISE = 10_000, 5_000, 0.05
+
+Followed = tuple[Float[Array, " scan"], Float[Array, "scan 2"]]
+"""What is thresholded, and the place (x, y), of every frame."""
+
+
+class PixelMean(eqx.Module):
+    """Likelihood for a grid of pixels: mean ratio over the places within each."""
+
+    likelihood: CellLikelihood
+
+    def log_ratio(self, scan: CellScan, states: PlanarState) -> Float[Array, "x y"]:
+        """Log of the mean ratio of every pixel."""
+        reach = REACH * PLACES
+        table = self.likelihood.table(scan)[reach:-reach, reach:-reach]
+        parts = table.reshape(PIXELS, PLACES, PIXELS, PLACES)
+        return jax.nn.logsumexp(parts, axis=(1, 3)) - 2 * math.log(PLACES)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Trackers, made once a process."""
+
+    grid: GridFilter
+    viterbi: Viterbi
+    particles: BernoulliParticleFilter
+
+
+@functools.cache
+def scene() -> Scene:
+    """The module's trackers."""
+    # Runs are traced, and what they share is not part of them.
+    with jax.ensure_compile_time_eval():
+        pixels, rate = Axis(0.0, 1.0, PIXELS), Axis(-FASTEST, 2 * FASTEST / (VELOCITIES - 1), VELOCITIES)
+        grid = Grid(PlanarState, (("vx", rate), ("vy", rate), ("x", pixels), ("y", pixels)))
+
+        def corner(place: float, rate: float) -> PlanarState:
+            return PlanarState(*(jnp.asarray(value, jnp.float32) for value in (place, place, rate, rate)))
+
+        birth = UniformBirth(corner(-0.5, -FASTEST), corner(PIXELS - 0.5, FASTEST))
+        target = Target(birth, PlanarMotion(VELOCITY_NOISE), *rates(BIRTH, SURVIVAL, 1.0))
+        return Scene(
+            GridFilter(grid, target, Shifts(grid, 1.0, PLANT)),
+            Viterbi(grid, Shifts(grid, 1.0, PLANT, jnp.max), BIRTH, SURVIVAL),
+            BernoulliParticleFilter(target, PARTICLES, NEWBORN),
+        )
+
+
+def likelihood(snr_db: Float[Array, ""] | float) -> CellLikelihood:
+    """Of a target with this peak signal to noise ratio."""
+    axis = Axis(0.0, 1.0, PIXELS)
+    spread = gaussian_spread(WIDTH)
+    return CellLikelihood(
+        Cells((("x", axis), ("y", axis))), swerling0, 10 ** (jnp.asarray(snr_db) / 10), spread, REACH, PLACES
+    )
+
+
+def by_grid(model: CellLikelihood, scans: CellScan, key: PRNGKeyArray) -> Followed:
+    """Bayes on the grid."""
+    return run(scene().grid, PixelMean(model), scans, key, _known)[1]
+
+
+def by_viterbi(model: CellLikelihood, scans: CellScan, key: PRNGKeyArray) -> Followed:
+    """Dynamic programming on the same grid."""
+    score, state = follow(scene().viterbi, PixelMean(model), scans)
+    return score, jnp.stack([state.x, state.y], axis=-1)
+
+
+def by_particles(model: CellLikelihood, scans: CellScan, key: PRNGKeyArray) -> Followed:
+    """Bernoulli particle filter; a particle out of the image is none."""
+    return run(scene().particles, Within(model, model.cells), scans, key, _known)[1]
+
+
+METHODS: dict[str, Callable[[CellLikelihood, CellScan, PRNGKeyArray], Followed]] = {
+    "grid": by_grid,
+    "viterbi": by_viterbi,
+    "particle": by_particles,
+}
+"""What is compared, by key."""
+
+
+def look(key: PRNGKeyArray, model: CellLikelihood, present: Array | bool) -> tuple[CellScan, Float[Array, "scan 2"]]:
+    """Frames, and where the target is or would be: straight through the middle of the image, give or take five pixels.
+
+    The path stays in the image while the target is there.
+    """
+    for_place, for_course, for_scans = jax.random.split(key, 3)
+    time = jnp.arange(float(SCANS))
+    place = (PIXELS - 1) / 2 + jax.random.uniform(for_place, (2,), minval=-5.0, maxval=5.0)
+    speed, course = jax.random.uniform(for_course, (2,)) * jnp.array([FASTEST, 2 * jnp.pi])
+    velocity = speed * jnp.stack([jnp.cos(course), jnp.sin(course)])
+    path = place + velocity * (time - (APPEARS + LEAVES - 1) / 2)[:, None]
+    still = jnp.zeros(SCANS)
+    there = (time >= APPEARS) & (time < LEAVES) & jnp.asarray(present, bool)
+    return draw_scans(for_scans, model, time, PlanarState(path[:, 0], path[:, 1], still, still), there), path
+
+
+def compare(key: PRNGKeyArray, snr_db: Array, present: Array) -> dict[str, Array]:
+    """One run: what is thresholded, and the distance of the place from the path, by each method; pixels."""
+    model = likelihood(snr_db)
+    for_scans, for_filter = jax.random.split(key)
+    scans, path = look(for_scans, model, present)
+    found: dict[str, Array] = {}
+    for name, method in METHODS.items():
+        found[f"{name}_statistic"], place = method(model, scans, for_filter)
+        found[f"{name}_error"] = jnp.hypot(*(place - path).T)
+    return found
+
+
+def _known(belief: Belief) -> Any:
+    middle = mean(belief)
+    return belief.log_odds, jnp.stack([middle.x, middle.y])

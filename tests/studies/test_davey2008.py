@@ -1,0 +1,74 @@
+"""The study davey2008: what its trackers see, and what its rows count."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+
+from faintrack.errors import InputError
+from faintrack.sensors.cells import CellScan
+from faintrack.studies.davey2008 import report, scene, study
+from faintrack.targets.states import PlanarState
+from tests.tolerances import rounding
+
+
+def test_a_pixel_has_the_mean_ratio_of_its_places() -> None:
+    model = scene.likelihood(6.0)
+    power = np.random.default_rng(0).exponential(size=(scene.PIXELS, scene.PIXELS)).astype(np.float32)
+    scan = CellScan(jnp.array(0.0), jnp.asarray(power))
+    x, y = np.meshgrid(7 + np.array([-1, 0, 1]) / 3, 9 + np.array([-1, 0, 1]) / 3)
+    still = np.zeros(x.shape)
+    places = model.log_ratio(scan, PlanarState(*(jnp.asarray(each, jnp.float32) for each in (x, y, still, still))))
+    found = scene.PixelMean(model).log_ratio(scan, scene.scene().grid.grid.states())[7, 9]
+    assert np.exp(found) == pytest.approx(np.exp(np.asarray(places, float)).mean(), rel=100 * rounding(np.float32))
+
+
+def test_the_target_stays_in_the_image() -> None:
+    look = jax.jit(jax.vmap(lambda key: scene.look(key, scene.likelihood(6.0), True)[1]))
+    path = np.asarray(look(jax.random.split(jax.random.key(0), 50)))[:, scene.APPEARS : scene.LEAVES]
+    assert np.all((path > -0.5) & (path < scene.PIXELS - 0.5))
+    assert np.all(np.hypot(*np.moveaxis(np.diff(path, axis=1), 2, 0)) <= scene.FASTEST + 1e-5)
+
+
+def made_up(statistic: np.ndarray, error: np.ndarray) -> xr.Dataset:
+    both = {"statistic": statistic, "error": error}
+    return xr.Dataset(
+        {f"{method}_{what}": (("run", "scan"), values) for method in scene.METHODS for what, values in both.items()}
+    )
+
+
+def test_rows_count_what_they_say() -> None:
+    # Twenty runs without a target: one reaches 5 in two frames on end, the others 1. The threshold lies between.
+    noise = np.zeros((20, scene.SCANS))
+    noise[:, 3] = 1.0
+    noise[0, 7:9] = 5.0
+    # Four with one: found from frame 12 on and for three frames too long; declared elsewhere; twice nothing.
+    statistic, error = np.zeros((4, scene.SCANS)), np.full((4, scene.SCANS), 0.5)
+    statistic[0, 12 : scene.LEAVES + 3] = statistic[1, 15:20] = 9.0
+    error[1] = 8.0
+    runs = {"noise_6": made_up(noise, 0 * noise), "target_6": made_up(statistic, error)}
+
+    def results(name: str) -> xr.Dataset:
+        if name not in runs:
+            raise InputError(f"no runs of {name}")
+        return runs[name]
+
+    found = {method: report.declared(results, method, 6) for method in scene.METHODS}
+    assert found["grid"] is not None
+    assert report.declared(results, "grid", 3) is None
+    assert 1 < found["grid"].threshold < 5
+    rows = {row.key: row.ours for row in report.of_method("k", "label", found["grid"])}
+    assert rows["k_detected"] == 0.25
+    assert rows["k_instantaneous"] == pytest.approx(18 / 80)
+    assert rows["k_delay"] == np.inf
+    assert rows["k_rmse"] == 0.5
+    assert rows["k_wrong"] == pytest.approx(5 / 80)
+    assert rows["k_lingers"] == 3
+    assert rows["k_false_tracks"] == pytest.approx(1 / 20)
+    assert rows["k_false_length"] == 2
+
+
+def test_every_setting_has_a_name_of_its_own() -> None:
+    names = [setting.name for setting in study.settings]
+    assert len(set(names)) == len(names)
