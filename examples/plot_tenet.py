@@ -38,9 +38,8 @@ def advance(state, key):
     return motion.move(state, 1.0, key), state
 
 
-origin = PlanarState(*(jnp.array([value]) for value in (0.0, 0.0, 0.2, 0.0)))
+origin = PlanarState(*(jnp.array(value) for value in (0.0, 0.0, 0.2, 0.0)))
 _, truth = jax.lax.scan(advance, origin, jax.random.split(jax.random.key(7), SCANS))
-truth = jax.tree.map(lambda component: component[:, 0], truth)
 scans = draw_scans(jax.random.key(107), likelihood, jnp.arange(float(SCANS)), truth, jnp.ones(SCANS, bool))
 
 # %%
@@ -66,9 +65,10 @@ def kept(belief):
 
 
 filter = BernoulliParticleFilter(target, POINTS, births=1)
-start = filter.init(jax.random.key(1), existence=0.1)
-_, (places, velocities, log_odds), _ = run(filter, likelihood, scans, jax.random.key(7), kept, start)
-for scan, odds in enumerate(np.asarray(log_odds)):
+start = jax.jit(lambda key: filter.init(key, existence=0.1))(jax.random.key(1))
+_, found, _ = run(filter, likelihood, scans, jax.random.key(7), kept, start)
+truth, (places, velocities, log_odds) = jax.tree.map(np.asarray, (truth, found))
+for scan, odds in enumerate(log_odds):
     print(f"scan {scan:2d}: probability of a target {1 / (1 + np.exp(-odds)):.4f}")
 
 # %%
