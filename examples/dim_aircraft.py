@@ -2,13 +2,17 @@
 
 Five sequences of 100 frames, as they are and with white noise added until the contrast of the aircraft, its residual
 over the local noise at the true pixel (median over the frames), is 3, 2 and 1. Both methods have the threshold that one
-frame in a hundred passes in the same sequence with the aircraft painted over, under other draws of the noise. Writes
-the numbers that `plot_dim_aircraft.py` draws:
+frame in a hundred passes in the same sequence with the aircraft painted over, under other draws of the noise.
+
+Each sequence is tracked with the settings of `SETTINGS` under which most frames of the other four are found, as they
+are and at contrast 3: it takes no part in the choice. Writes the numbers that `plot_dim_aircraft.py` draws:
 
     python examples/dim_aircraft.py ../shared/data/ir_dim_aircraft --out docs/validation_data/dim_aircraft.json
 """
 
 import argparse
+import dataclasses
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -35,16 +39,40 @@ from faintrack.targets.target import Target, rates
 
 CONTRASTS = (None, 3.0, 2.0, 1.0)
 """Of the aircraft; None is the sequence as it is."""
-LEVELS, FREEDOM = (2.0, 5.0, 12.0), 10.0
-"""Levels of the target, in deviations of the noise; degrees of freedom of its tails."""
 WIDTH = 0.55
 """Of the aircraft's spread, pixels: beside its pixel there is a fifth of its level."""
 APPEARS, STAYS, WALK = 0.01, 0.98, 0.5
 """Probability of appearing and of staying from frame to frame; how far it walks in one, pixels along each axis."""
-MEMORY = 10
-"""Frames over which the log odds of existence are averaged before they are compared with the threshold."""
 WITHIN, FALSE_SHARE = 3.0, 0.01
 """Pixels from the truth that count as found; share of frames without aircraft in which each method reports one."""
+CHOOSE = (None, 3.0)
+"""Contrasts on which the settings are chosen."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """What the scene does not tell beforehand.
+
+    Attributes
+    ----------
+    levels : of the target, equally probable, in deviations of the noise.
+    freedom : degrees of freedom of the noise's tails; many, and it is normal.
+    memory : frames over which the log odds of existence are averaged before they are compared with the threshold.
+    """
+
+    levels: tuple[float, ...]
+    freedom: float
+    memory: int
+
+
+FILTERS = tuple(itertools.product(((2.0, 5.0, 12.0), (5.0,)), (10.0, 1000.0)))
+MEMORIES = (1, 10, 20)
+SETTINGS = tuple(Settings(*each, memory) for each in FILTERS for memory in MEMORIES)
+"""To choose from."""
+
+
+Responses = dict[Any, tuple[np.ndarray, np.ndarray]]
+"""Statistic to threshold, and place, of every frame by each method; trackers by their settings."""
 
 
 class OnPixels(eqx.Module):
@@ -58,13 +86,13 @@ class OnPixels(eqx.Module):
         return self.likelihood.table(scan)[reach:-reach, reach:-reach, None, None]
 
 
-def tracker(shape: tuple[int, int]) -> tuple[GridFilter, OnPixels]:
-    """Filter and likelihood for frames of this shape."""
+def tracker(shape: tuple[int, int], levels: tuple[float, ...], freedom: float) -> tuple[GridFilter, OnPixels]:
+    """Filter and likelihood for frames of this shape; the rest as in `Settings`."""
     pixels, still = [Axis(0.0, 1.0, count) for count in shape], Axis(0.0, 1.0, 1)
     cells = Cells((("y", pixels[0]), ("x", pixels[1])))
     grid = Grid(PlanarState, (*cells.axes, ("vy", still), ("vx", still)))
     spread = gaussian_spread(WIDTH)
-    parts = tuple(CellLikelihood(cells, student(FREEDOM), level, spread, reach=1) for level in LEVELS)
+    parts = tuple(CellLikelihood(cells, student(freedom), level, spread, reach=1) for level in levels)
     target = Target(None, None, *rates(APPEARS, STAYS, 1.0))
     return GridFilter(grid, target, separable(grid, PlanarMotion(WALK), 1.0)), OnPixels(UnknownLevel(parts))
 
@@ -88,21 +116,30 @@ def strongest(residuals: jax.Array) -> tuple[jax.Array, jax.Array]:
     return jnp.max(flat, axis=1), jnp.stack([place % shape[1], place // shape[1]], axis=1)
 
 
-def averaged(odds: np.ndarray) -> np.ndarray:
+def averaged(odds: np.ndarray, memory: int) -> np.ndarray:
     """Mean of the log odds over the last frames; the first stands for those before it."""
-    padded = np.concatenate([np.full(MEMORY - 1, odds[0]), odds])
-    return np.lib.stride_tricks.sliding_window_view(padded, MEMORY).mean(axis=1)
+    padded = np.concatenate([np.full(memory - 1, odds[0]), odds])
+    return np.lib.stride_tricks.sliding_window_view(padded, memory).mean(axis=1)
 
 
-def responses(frames: np.ndarray, filter: GridFilter, likelihood: OnPixels) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Statistic to threshold, and place, of every frame by each method."""
+def tracked(residuals: jax.Array) -> Responses:
+    """By the tracker under each of the settings."""
+    scans = CellScan(jnp.arange(len(residuals), dtype=jnp.float32), residuals)
+    found = {}
+    for levels, freedom in FILTERS:
+        filter, likelihood = tracker(residuals.shape[1:], levels, freedom)
+        _, (odds, x, y), _ = run(filter, likelihood, scans, jax.random.key(0), keep)
+        for memory in MEMORIES:
+            averages = averaged(np.asarray(odds), memory)
+            found[Settings(levels, freedom, memory)] = averages, np.stack([x, y], axis=1)
+    return found
+
+
+def responses(frames: np.ndarray) -> Responses:
+    """By every tracker, and by the strongest pixel of the frame under both backgrounds."""
     stack = jnp.asarray(frames, jnp.float32)
-    residuals, _ = Whitening().whiten(stack)
-    scans = CellScan(jnp.arange(len(frames), dtype=jnp.float32), residuals)
-    _, (odds, x, y), _ = run(filter, likelihood, scans, jax.random.key(0), keep)
-    single, _ = Whitening(memory=0).whiten(stack)
-    return {
-        "track": (averaged(np.asarray(odds)), np.stack([x, y], axis=1)),
+    residuals, single = (whitening.whiten(stack)[0] for whitening in (Whitening(), Whitening(memory=0)))
+    return tracked(residuals) | {
         "frame": tuple(np.asarray(part) for part in strongest(single)),
         "frame, same background": tuple(np.asarray(part) for part in strongest(residuals)),
     }
@@ -142,40 +179,77 @@ def measures(statistic: np.ndarray, place: np.ndarray, truth: np.ndarray, thresh
     }
 
 
+def measured(frames: np.ndarray, truth: np.ndarray, contrast: float | None, draws: int) -> dict[Any, dict[str, Any]]:
+    """Threshold and measures of every draw of the noise by each method; one draw where no noise is added."""
+    deviation, _ = added_deviation(frames, truth, contrast)
+
+    def noisy(clean: np.ndarray, first: int) -> list[Responses]:
+        seeds = range(first, first + (draws if deviation else 1))
+        drawn = (np.random.default_rng(seed).normal(size=clean.shape).astype(np.float32) for seed in seeds)
+        return [responses(clean + deviation * each) for each in drawn]
+
+    without, found = noisy(painted_over(frames, truth), 1000), noisy(frames, 0)
+    result = {}
+    for method in found[0]:
+        noise = np.concatenate([response[method][0] for response in without])
+        threshold = float(np.sort(noise)[-1 - round(FALSE_SHARE * noise.size)])
+        each = [measures(*response[method], truth, threshold) for response in found]
+        result[method] = {"threshold": threshold, "draws": each}
+    return result
+
+
+def share(row: dict[str, Any]) -> float:
+    """Of frames found, mean over the draws."""
+    return float(np.mean([draw["share"] for draw in row["draws"]]))
+
+
 def main() -> None:
-    """Measure every sequence at every contrast."""
+    """Measure every sequence at every contrast under all settings; then choose those of each on the others."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--draws", type=int, default=5, help="of the noise, for the thresholds and for the test each")
+    parser.add_argument("--draws", type=int, default=4, help="of the noise, for the thresholds and for the test each")
     options = parser.parse_args()
     files = sorted(options.folder.glob("sequence*.npz"))
     if not files:
         parser.exit(0, f"{options.folder}: no sequences; nothing is measured.\n")
-    rows = []
+    found, about = {}, {}
     for file in files:
         data = np.load(file)
         frames, truth = data["frames"].astype(np.float32), data["truth_xy"].astype(int)
-        filter, likelihood = tracker(frames.shape[1:])
-        painted = painted_over(frames, truth)
         for contrast in CONTRASTS:
-            deviation, own = added_deviation(frames, truth, contrast)
-            draws = options.draws if deviation else 1
+            found[file.stem, contrast] = measured(frames, truth, contrast, options.draws)
+            added, own = added_deviation(frames, truth, contrast)
+            about[file.stem, contrast] = {"own_contrast": own, "added": added}
+            print(
+                file.stem, contrast, [round(share(row), 2) for row in found[file.stem, contrast].values()], flush=True
+            )
 
-            def noisy(clean: np.ndarray, seed: int, deviation: float = deviation) -> np.ndarray:
-                return clean + deviation * np.random.default_rng(seed).normal(size=clean.shape).astype(np.float32)
+    rows, chosen = [], {}
+    for name in (file.stem for file in files):
 
-            without = [responses(noisy(painted, 1000 + draw), filter, likelihood) for draw in range(draws)]
-            found = [responses(noisy(frames, draw), filter, likelihood) for draw in range(draws)]
-            for method in found[0]:
-                noise = np.concatenate([result[method][0] for result in without])
-                threshold = float(np.sort(noise)[-1 - round(FALSE_SHARE * noise.size)])
-                each = [measures(*result[method], truth, threshold) for result in found]
-                row = {"sequence": file.stem, "contrast": contrast, "own_contrast": own, "added": deviation}
-                rows.append(row | {"method": method, "threshold": threshold, "draws": each})
-                print(file.stem, contrast, method, f"{threshold:.1f}", each, flush=True)
-    settings = {"within": WITHIN, "false_share": FALSE_SHARE, "frames": len(frames), "draws": options.draws}
-    options.out.write_text(json.dumps(settings | {"rows": rows}, indent=1) + "\n")
+        def elsewhere(settings: Settings, name: str = name) -> float:
+            return sum(share(found[key][settings]) for key in found if key[0] != name and key[1] in CHOOSE)
+
+        chosen[name] = max(SETTINGS, key=elsewhere)
+        print(name, chosen[name], flush=True)
+        for contrast in CONTRASTS:
+            each = found[name, contrast]
+            for method, key in (("track", chosen[name]), *((key, key) for key in each if isinstance(key, str))):
+                row = {"sequence": name, "contrast": contrast} | about[name, contrast]
+                rows.append(row | {"method": method} | each[key])
+    shares = [
+        dataclasses.asdict(settings)
+        | {
+            "shares": {
+                f"{name} {contrast or 'as it is'}": share(each[settings]) for (name, contrast), each in found.items()
+            }
+        }
+        for settings in SETTINGS
+    ]
+    result = {"within": WITHIN, "false_share": FALSE_SHARE, "draws": options.draws, "settings": shares}
+    result["chosen"] = {name: dataclasses.asdict(settings) for name, settings in chosen.items()}
+    options.out.write_text(json.dumps(result | {"rows": rows}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ How dim an aircraft may be
 Five infrared sequences of a small aircraft in front of trees, roads and roofs, filmed by a camera that follows it. They
 are taken as they are and with white noise added, until the aircraft stands 3, 2 and 1 deviations above the noise of its
 own pixel. Track-before-detect is held against the best single frame at equal false alarms: each has the threshold that
-one frame in a hundred passes in the same sequence with the aircraft painted over.
+one frame in a hundred passes in the same sequence with the aircraft painted over. The tracker's settings for a sequence
+are chosen on the other four.
 
 The numbers are those of ``examples/dim_aircraft.py``, which needs the sequences and some minutes.
 """
@@ -25,7 +26,8 @@ from faintrack.sensors.cells import CellScan
 from faintrack.signal.background import Whitening
 
 root = Path() if Path("docs/validation_data").exists() else Path("..")
-rows = json.loads((root / "docs/validation_data/dim_aircraft.json").read_text())["rows"]
+measured = json.loads((root / "docs/validation_data/dim_aircraft.json").read_text())
+rows = measured["rows"]
 labels = {
     "track": ("track before detect", "#0072B2"),
     "frame": ("single frame, local contrast", "#E69F00"),
@@ -83,15 +85,17 @@ if file.exists():
     frames, truth = data["frames"].astype(np.float32), data["truth_xy"].astype(int)
     deviation, _ = added_deviation(frames, truth, 3.0)
     frames = frames + deviation * np.random.default_rng(0).normal(size=frames.shape).astype(np.float32)
+    settings = measured["chosen"]["sequence10"]
     residuals, _ = Whitening().whiten(jnp.asarray(frames[: last + 1]))
     scans = CellScan(jnp.arange(last + 1, dtype=jnp.float32), residuals)
-    belief, (odds, x, y), _ = run(*tracker(frames.shape[1:]), scans, jax.random.key(0), keep)
+    filter, likelihood = tracker(frames.shape[1:], tuple(settings["levels"]), settings["freedom"])
+    belief, (odds, x, y), _ = run(filter, likelihood, scans, jax.random.key(0), keep)
     (threshold,) = (
         row["threshold"]
         for row in rows
         if (row["sequence"], row["contrast"], row["method"]) == ("sequence10", 3.0, "track")
     )
-    reported = averaged(np.asarray(odds)) > threshold
+    reported = averaged(np.asarray(odds), settings["memory"]) > threshold
 
     figure, axes = plt.subplots(1, 3, figsize=(11, 3.8), layout="constrained")
     axes[0].imshow(frames[last], cmap="gray")
