@@ -66,7 +66,7 @@ def kept(belief):
 
 filter = BernoulliParticleFilter(target, POINTS, births=1)
 start = jax.jit(lambda key: filter.init(key, existence=0.1))(jax.random.key(1))
-_, found, _ = run(filter, likelihood, scans, jax.random.key(7), kept, start)
+_, found, _ = run(filter, likelihood, scans, jax.random.key(10), kept, start)
 truth, (places, velocities, log_odds) = jax.tree.map(np.asarray, (truth, found))
 for scan, odds in enumerate(log_odds):
     print(f"scan {scan:2d}: probability of a target {1 / (1 + np.exp(-odds)):.4f}")
@@ -79,7 +79,7 @@ for scan, odds in enumerate(log_odds):
 #
 # It is one draw, as there. With 27 points to a pixel, each with a velocity of its own, one loud scan leaves the
 # offspring of a few; where none of them moves as the target does, the evidence stays and the target is lost. That
-# happens in about half of all draws. A grid has a weight for every velocity and cannot lose any: see the study
+# happens in more than half of all draws. A grid has a weight for every velocity and cannot lose any: see the study
 # `stone2002`.
 
 LOWEST = -14.0
