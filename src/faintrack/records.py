@@ -40,13 +40,15 @@ class InStep:
     times : of the scans; seconds on the clock that the records share.
     interval : between scans; seconds.
     scans : of every record the scan that each row belongs to; below 0 or from the number of scans on for none.
-    start_time : what second 0 of the clock is in UTC, None where the records do not tell.
+    shifts : seconds from the clock of every record to the one that they share.
+    start_time : what second 0 of the shared clock is in UTC, None where the records do not tell.
     """
 
     records: tuple[Sequence, ...]
     times: Float[np.ndarray, " scan"]
     interval: float
     scans: tuple[Int[np.ndarray, "..."], ...]
+    shifts: tuple[float, ...]
     start_time: np.datetime64 | None
 
     @property
@@ -91,9 +93,8 @@ def in_step(records: tuple[Sequence, ...], clock_offsets: tuple[float, ...] | No
     """
     clock_offsets = clock_offsets or (0.0,) * len(records)
     start_time, starts = _starts(records)
-    times = [
-        record.times + start - offset for record, start, offset in zip(records, starts, clock_offsets, strict=True)
-    ]
+    shifts = tuple(start - offset for start, offset in zip(starts, clock_offsets, strict=True))
+    times = [record.times + shift for record, shift in zip(records, shifts, strict=True)]
     intervals = [_interval(record) for record in records]
     interval = max(intervals)
     first, last = (sorted(own[end] for own in times) for end in (0, -1))
@@ -107,7 +108,7 @@ def in_step(records: tuple[Sequence, ...], clock_offsets: tuple[float, ...] | No
     slowest = times[intervals.index(interval)]
     # Rows come a little early or late: their mean place within an interval, on a circle.
     phase = np.angle(np.mean(np.exp(2j * np.pi * (slowest - begin) / interval))) / (2 * np.pi)
-    origin = begin + interval * phase
+    origin = begin + interval * round(float(phase), 9)  # rounding errors are no place within an interval
     numbers = [np.floor((own - origin) / interval + 0.5).astype(np.int64) for own in times]
     lowest, highest = (int(np.floor((moment - origin) / interval + 0.5)) for moment in (begin, end))
     return InStep(
@@ -115,6 +116,7 @@ def in_step(records: tuple[Sequence, ...], clock_offsets: tuple[float, ...] | No
         origin + interval * np.arange(lowest, highest + 1),
         interval,
         tuple(number - lowest for number in numbers),
+        shifts,
         start_time,
     )
 
@@ -131,7 +133,7 @@ def _starts(records: tuple[Sequence, ...]) -> tuple[np.datetime64 | None, list[f
             "start_time of the station."
         )
     earliest = min(told)
-    return earliest, [float((start - earliest) / np.timedelta64(1, "ns")) * 1e-9 for start in told]
+    return earliest, [float((start - earliest) / np.timedelta64(1, "ns")) / 1e9 for start in told]
 
 
 def _interval(record: Sequence) -> float:
@@ -156,7 +158,7 @@ def _means(record: Sequence, scans: Int[np.ndarray, " row"], start: int, stop: i
     """Mean over the rows of each scan of what was measured."""
     total = np.zeros((stop - start, record.size))
     count = np.zeros((stop - start, record.size), int)
-    first, last = np.searchsorted(scans, [start, stop])
+    first, last = map(int, np.searchsorted(scans, [start, stop]))
     for row in range(first, last, ROWS):
         until = min(row + ROWS, last)
         values = np.asarray(record.read(row, until), float)

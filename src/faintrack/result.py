@@ -1,4 +1,4 @@
-"""What came out of a recording, frames or pings: every scan as named variables with units, and the tracks in them."""
+"""What came out of a recording, frames, pings or records: every scan as named variables with units, and the tracks."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
@@ -25,15 +25,15 @@ HALF = float(np.finfo(np.float16).max)
 
 @dataclass(frozen=True)
 class Result:
-    """What came out of a recording, a sequence of frames or the returns of a sonar.
+    """What came out of a recording, a sequence of frames, the returns of a sonar or the records of several arrays.
 
     Attributes
     ----------
-    data : one entry a frame or ping; existence, bearing or position, record and the rest, with units in their
+    data : one entry a frame, ping or scan; existence, bearing or position, record and the rest, with units in their
         attributes.
     tracks : what was declared.
     scenario : what was run.
-    array : whose recording it was; None for frames and returns.
+    array : whose recording it was; None for all else.
     seconds : that the run took.
     """
 
@@ -44,15 +44,22 @@ class Result:
     seconds: float
 
     @property
-    def kind(self) -> Literal["recording", "frames", "returns"]:
+    def kind(self) -> Literal["recording", "frames", "returns", "records"]:
         """What was tracked in."""
         if self.array is not None:
             return "recording"
+        if self.scenario.stations is not None:
+            return "records"
         return "frames" if self.scenario.sonar is None else "returns"
 
     @property
+    def scan(self) -> Literal["frame", "ping", "scan"]:
+        """What an entry of the data is."""
+        return SCAN[self.kind]
+
+    @property
     def existence(self) -> xr.DataArray:
-        """Probability that a target exists, scan by scan."""
+        """Probability that a target exists, scan by scan; of several arrays, that of every slot does."""
         return self.data.existence
 
     @property
@@ -71,26 +78,39 @@ class Result:
     def summary(self) -> dict[str, Any]:
         """Tracks and speed as plain values, for programs.
 
-        `frames` or `pings` is their number, `seconds` what the run took, `realtime_factor` the length of the recording
-        over it, `masked_frames` the number of frames of a recording in which a channel was left out because a sample
-        was not finite.
+        `frames`, `pings` or `scans` is their number, `seconds` what the run took, `realtime_factor` the length of the
+        recording over it, `masked_frames` the number of frames of a recording in which a channel was left out because a
+        sample was not finite, `full_scans` the number of scans in which a target was found and no slot was free.
         """
         scans = self.data.sizes["time"]
-        scan = "ping" if self.kind == "returns" else "frame"
         recorded = self.kind == "recording"
-        interval = self.scenario.analysis.frame if recorded else self.data.attrs[f"{scan}_interval"]
-        masked = {"masked_frames": int((self.data.masked_channels > 0).sum())} if recorded else {}
+        interval = self.scenario.analysis.frame if recorded else self.data.attrs[f"{self.scan}_interval"]
+        more = {}
+        if recorded:
+            more["masked_frames"] = int((self.data.masked_channels > 0).sum())
+        if self.kind == "records":
+            more["full_scans"] = int(self.data.full.sum())
         return {
             "tracks": [track.as_dict() for track in self.tracks],
-            f"{scan}s": scans,
+            f"{self.scan}s": scans,
             "seconds": self.seconds,
             "realtime_factor": scans * interval / self.seconds,
-            **masked,
+            **more,
         }
 
 
+SCAN: dict[str, Literal["frame", "ping", "scan"]] = {
+    "recording": "frame",
+    "frames": "frame",
+    "returns": "ping",
+    "records": "scan",
+}
+
+
 def positions(data: xr.Dataset) -> list[str]:
-    """Components of the position in the data of frames or returns; none in those of a recording."""
+    """Components of the position in the data of frames, returns or records; none in those of a recording."""
+    if "slot" in data.sizes:
+        return ["x", "y", *(name for name in ("latitude", "longitude") if name in data)]
     return [name for name in ("x", "y", "range") if name + "_std" in data]
 
 
@@ -103,6 +123,10 @@ def track_fields(data: xr.Dataset) -> list[str]:
 def tracks_of(data: xr.Dataset) -> list[BearingTrack] | list[PositionTrack]:
     """Tracks in the data of a result."""
     names = positions(data)
+    if "slot" in data.sizes:
+        time = np.repeat(data.time.values, data.sizes["slot"])
+        label, existence, *places = (data[name].values.ravel() for name in ("label", "existence", *names))
+        return position_tracks(time, label, dict(zip(names, places, strict=True)), existence)
     if names:
         time, label, existence = (data[name].values for name in ("time", "label", "track_existence"))
         return position_tracks(time, label, {name: data[_mean(name)].values for name in names}, existence)

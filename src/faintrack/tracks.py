@@ -82,13 +82,14 @@ def bearing_tracks(
 
 @dataclass(frozen=True)
 class PositionTrack:
-    """One target in frames or returns from its declaration to its end.
+    """One target in frames, returns or records from its declaration to its end.
 
     Attributes
     ----------
     label : running number from 1.
     start_s, end_s : of the first and the last frame or ping of the track; seconds from the first of all.
-    start, end : mean position at these, by component; unit of the axes.
+    start, end : mean position at these, by component; unit of the axes. In the records of several arrays the latitude
+        and the longitude too, where they are known.
     speed : distance between the two over the time between them; unit of the axes a second, 0 for a single frame.
     existence_max : largest probability that the track's target exists.
     """
@@ -117,13 +118,13 @@ class PositionTrack:
 def position_tracks(
     time: np.ndarray, label: np.ndarray, position: dict[str, np.ndarray], existence: np.ndarray
 ) -> list[PositionTrack]:
-    """Tracks from what a single-target tracker says frame by frame.
+    """Tracks from what a tracker says frame by frame.
 
     Parameters
     ----------
-    time : seconds; all arguments have the shape (frame,).
+    time : seconds, ascending; all arguments have the shape (frame,).
     label : of the track in hand, 0 where there is none.
-    position : components by name.
+    position : components by name; those in degrees are not part of the way.
     existence : of the track's target.
 
     Examples
@@ -138,7 +139,8 @@ def position_tracks(
         frames = np.flatnonzero(label == number)
         first, last = frames[0], frames[-1]
         start, end = ({name: float(values[frame]) for name, values in position.items()} for frame in (first, last))
-        way, lasted = math.dist(start.values(), end.values()), float(time[last] - time[first])
+        way = math.hypot(*(end[name] - start[name] for name in start if name not in ("latitude", "longitude")))
+        lasted = float(time[last] - time[first])
         tracks.append(
             PositionTrack(
                 label=int(number),

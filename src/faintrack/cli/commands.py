@@ -73,7 +73,8 @@ def track(
         typer.Argument(
             help="WAV, FLAC, HDF5, Zarr, SAC, miniSEED; channels of several files are put side by side. "
             "Or frames: TIFF, npz, a folder of PNG; MAT, Zarr with a scenario that has \\[frames]. "
-            "Or returns of an active sonar: CSV, Zarr with a scenario that has \\[sonar]."
+            "Or returns of an active sonar: CSV, Zarr with a scenario that has \\[sonar]. "
+            "Or one record (npz, HDF5, Zarr, CSV) or recording for each array of a scenario that has \\[\\[stations]]."
         ),
     ],
     array: ArrayFile = None,
@@ -81,24 +82,35 @@ def track(
     frame: Frame = None,
     scenario: ScenarioFile = None,
     method: Method = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="AIS reports of ships, CSV or NMEA, to lay over the tracks of several arrays.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Find and follow the sources in a recording of an array, or the targets in images, radar frames, sonar returns.
+    """Find and follow the sources in a recording of an array, the targets in frames, sonar returns, several arrays.
 
     Example: [bold]faintrack track night.wav --array array.toml --band 100 1500 --out night[/bold]
 
     Example: [bold]faintrack track frames.tif --out frames[/bold]
 
     Example: [bold]faintrack track returns.csv --scenario scenario.toml --out returns[/bold]
+
+    Example: [bold]faintrack track south.npz east.npz --scenario stations.toml --out tracks[/bold]
     """
     from faintrack.cli import running
     from faintrack.cli.tables import print_tracks
+    from faintrack.errors import InputError
     from faintrack.io import match_channels, read, read_returns
 
     only_array = {"--array": array, "--band": band, "--frame": frame, "--method": method}
     alone = running.scenario_without_array(recording, scenario, only_array)
-    if alone is not None and alone.sonar is not None:
+    if truth is not None and (alone is None or alone.stations is None):
+        raise InputError(f"there is --truth {truth}; expected a --scenario FILE with [[stations]] with it.")
+    if alone is not None and alone.stations is not None:
+        assert scenario is not None
+        result = running.run_track_records(recording, scenario, alone, truth, out, quiet=as_json)
+    elif alone is not None and alone.sonar is not None:
         result = running.run_track_returns(read_returns(recording[0]), alone, out, quiet=as_json)
     elif alone is not None:
         result = running.run_track_frames(running.open_sequence(recording[0], alone), alone, out, quiet=as_json)

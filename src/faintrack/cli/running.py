@@ -15,9 +15,11 @@ import xarray as xr
 from faintrack.calibration import Calibrated, calibrate
 from faintrack.errors import InputError, naming
 from faintrack.io import read_array, read_sequence, write_recording
+from faintrack.io.ais import read_ships
 from faintrack.io.results import read_result, result_folder, write_result
 from faintrack.io.returns import holds_returns
 from faintrack.io.sequences import holds_frames
+from faintrack.io.stations import open_stations
 from faintrack.plots.report import write_report
 from faintrack.recording import Recording
 from faintrack.result import Result
@@ -31,9 +33,11 @@ from faintrack.sequence import Sequence
 from faintrack.session import collect, track_blocks, with_analysis, with_method
 from faintrack.session_frames import track_frame_blocks, with_frames
 from faintrack.session_returns import track_ping_blocks
+from faintrack.session_stations import put_together, track_record_blocks
 from faintrack.studies.folder import open_folder
 from faintrack.studies.running import cache_folder, connect, run_missing
 from faintrack.studies.study import load
+from faintrack.truth_ships import beside, ships_dataset
 
 Item = TypeVar("Item")
 
@@ -89,8 +93,20 @@ def run_track_returns(returns: Returns, scenario: Scenario, out: Path | None, qu
     return _run_blocks(track_ping_blocks(returns, scenario), returns.length, scenario, None, out, quiet)
 
 
+def run_track_records(
+    files: list[Path], scenario: Path, what: Scenario, truth: Path | None, out: Path | None, quiet: bool
+) -> Result:
+    """Result of the records or recordings of several arrays; where `out` is given it is kept there with its report."""
+    inputs = open_stations(files, what, scenario.parent)
+    together = put_together(inputs.records, what)
+    blocks = track_record_blocks(inputs.records, what, inputs.paths, inputs.arrays)
+    if truth is not None:
+        blocks = beside(blocks, ships_dataset(read_ships(truth), together, what, str(truth)))
+    return _run_blocks(blocks, together.length, what, None, out, quiet)
+
+
 def scenario_without_array(paths: list[Path], scenario: Path | None, options: Mapping[str, object]) -> Scenario | None:
-    """Scenario for frames or returns, where it has a table of them or the file can be nothing else; None otherwise.
+    """Scenario for frames, returns or several arrays, where it has a table of them or the file can be nothing else.
 
     Parameters
     ----------
@@ -108,23 +124,27 @@ def scenario_without_array(paths: list[Path], scenario: Path | None, options: Ma
             raise InputError(f"{path} does not exist.")
     what = None if scenario is None else read_scenario(scenario)
     given = [name for name, value in options.items() if value is not None]
-    table = None if what is None else next((name for name in ("sonar", "frames") if getattr(what, name)), None)
+    kinds = ("stations", "sonar", "frames")
+    table = None if what is None else next((name for name in kinds if getattr(what, name)), None)
     if table is None:
         lone = next(filter(holds_returns, paths), None)
         if lone is not None:
-            raise InputError(f"{lone} holds returns of a sonar; expected a --scenario FILE with [sonar] and [grid].")
+            raise InputError(
+                f"{lone} holds returns of a sonar or a record; expected a --scenario FILE with [sonar] and [grid], or "
+                "with [[stations]] and [region]."
+            )
         if given or (what is not None and what.array is not None) or not all(map(holds_frames, paths)):
             return None
     if given:
         raise InputError(f"{scenario} has [{table}]; expected no {given[0]}, which is for recordings of an array.")
-    if len(paths) > 1:
+    if len(paths) > 1 and table != "stations":
         told = (
             "returns were given; expected one file"
             if table == "sonar"
             else "frames were given; expected one file, or one folder of PNG files"
         )
         raise InputError(f"{len(paths)} files of {told}.")
-    return what if table == "sonar" else with_frames(what)
+    return what if table in ("sonar", "stations") else with_frames(what)
 
 
 def open_sequence(path: Path, scenario: Scenario) -> Sequence:

@@ -9,6 +9,7 @@ from rich.table import Table
 from faintrack.result import Result
 from faintrack.scenario.simulate import sources_of
 from faintrack.truth import false_tracks, findings, main_lobe_deg
+from faintrack.truth_ships import sightings, unexplained
 
 if TYPE_CHECKING:
     from faintrack.bench import Row
@@ -26,6 +27,10 @@ BEARING_COLUMNS = (
 """Field of a track, heading, format."""
 
 
+ENDS = ("start", "end")
+"""Of a track."""
+
+
 def print_tracks(result: Result) -> None:
     """Tracks of a result, and how fast it came."""
     if result.tracks:
@@ -33,13 +38,32 @@ def print_tracks(result: Result) -> None:
         columns = BEARING_COLUMNS if result.kind == "recording" else _position_columns(tracks[0])
         rows = ([format(track[field], form) for field, _, form in columns] for track in tracks)
         _print([heading for _, heading, _ in columns], rows)
+    if "ship" in result.data.sizes:
+        print_sightings(result)
     summary = result.summary()
     masked = f", {summary['masked_frames']} with masked channels" if summary.get("masked_frames") else ""
-    scans = "pings" if result.kind == "returns" else "frames"
+    full = f", {summary['full_scans']} without a free slot" if summary.get("full_scans") else ""
+    scans = f"{result.scan}s"
     print(
-        f"{len(result.tracks)} tracks in {summary[scans]} {scans}{masked}; "
+        f"{len(result.tracks)} tracks in {summary[scans]} {scans}{masked}{full}; "
         f"{summary['seconds']:.1f} s, {summary['realtime_factor']:.0f} times real time"
     )
+
+
+def print_sightings(result: Result) -> None:
+    """What was found of the ships that are known to have been there."""
+    columns = ("ship", "from s", "to s", "declared s", "tracks", "rmse m", "followed")
+    region = result.scenario.region
+    assert region is not None, "ships are seen in a region"
+    rows = []
+    for found in sightings(result.data, region.cell):
+        declared = "never" if found.declared_s is None else f"{found.declared_s:.5g}"
+        rmse = "" if found.rmse_m is None else f"{found.rmse_m:.3g}"
+        labels = " ".join(map(str, found.tracks))
+        span = (f"{found.from_s:.5g}", f"{found.to_s:.5g}")
+        rows.append((found.ship, *span, declared, labels, rmse, f"{100 * found.followed:.0f} %"))
+    _print(columns, rows)
+    print(f"tracks of no ship: {len(unexplained(result.data, region.cell))}")
 
 
 def print_findings(result: Result) -> None:
@@ -100,7 +124,11 @@ def print_study(summary: dict[str, Any]) -> None:
 
 def _position_columns(track: dict[str, Any]) -> list[tuple[str, str, str]]:
     special = {"label": ("track", "d"), "existence_max": ("existence", ".4f")}
-    return [(name, *special.get(name, (name.replace("_", " "), ".5g"))) for name in track]
+    degrees = {f"{name}_{side}": (f"{name} {side}", ".4f") for name in ("latitude", "longitude") for side in ENDS}
+    # In degrees the metres would only fill the line.
+    left_out = {f"{name}_{side}" for name in "xy" for side in ENDS} if degrees.keys() <= track.keys() else ()
+    told = special | degrees
+    return [(name, *told.get(name, (name.replace("_", " "), ".5g"))) for name in track if name not in left_out]
 
 
 def _interval(bounds: list[float | None]) -> str:

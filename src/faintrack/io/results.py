@@ -4,6 +4,8 @@
 
     result.zarr      one entry a frame or ping, axes and units in the attributes (xarray)
     tracks.csv       one row a track
+    positions.csv    of several arrays: one row a track and scan
+    tracks.geojson   of several arrays, where latitude and longitude are known
     scenario.toml    what was run, with the array if there is one; runs again as it is
     versions.json    of the software, and what the run took
 
@@ -24,6 +26,7 @@ import xarray as xr
 import zarr
 
 from faintrack.errors import InputError
+from faintrack.io.tracks import write_geojson, write_positions
 from faintrack.result import Result, track_fields, tracks_of
 from faintrack.scenario.array import build, describe
 from faintrack.scenario.model import Scenario, read, to_toml
@@ -123,6 +126,10 @@ def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario,
     data = _open(folder)
     tracks = tracks_of(data)
     write_tracks(folder / "tracks.csv", tracks, track_fields(data))
+    if "slot" in data.sizes:
+        write_positions(folder / "positions.csv", data)
+    if "slot" in data.sizes and "latitude" in data:
+        write_geojson(folder / "tracks.geojson", data)
     return Result(data, tracks, scenario, array, seconds)
 
 
@@ -139,8 +146,10 @@ def read_result(folder: str | Path) -> Result:
     if not (folder / "result.zarr").exists():
         raise InputError(f"{folder} has no result.zarr; expected the result of faintrack track --out.")
     scenario = read(folder / "scenario.toml")
-    if scenario.array is None and scenario.frames is None and scenario.sonar is None:
-        raise InputError(f"{folder / 'scenario.toml'} has no [array], [frames] or [sonar]; expected what was used.")
+    if all(getattr(scenario, name) is None for name in ("array", "frames", "sonar", "stations")):
+        raise InputError(
+            f"{folder / 'scenario.toml'} has no [array], [frames], [sonar] or [[stations]]; expected what was used."
+        )
     try:
         seconds = float(json.loads((folder / "versions.json").read_text())["seconds"])
         data = _open(folder)

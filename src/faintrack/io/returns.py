@@ -15,14 +15,14 @@ In CSV the first row names the columns, in any order, and a missing value is emp
 with one axis, `return`, and a missing value is not a number.
 """
 
-import array
 import csv
 from pathlib import Path
 
 import numpy as np
 
 from faintrack.errors import InputError, naming
-from faintrack.io.checks import explained, number, require_file, require_numeric
+from faintrack.io.checks import explained, require_numeric
+from faintrack.io.columns import read_columns
 from faintrack.io.variables import open_zarr
 from faintrack.io.write_recordings import completed
 from faintrack.returns import Returns, from_columns, require_names, to_columns
@@ -59,7 +59,7 @@ def read_returns(path: str | Path) -> Returns:
     path = Path(path)
     suffix = _suffix(path)
     if suffix == ".csv":
-        columns, rows = _read_csv(path)
+        columns, rows = read_columns(path, require_names)
         return from_columns(columns, rows, str(path))
     return from_columns(_read_zarr(path), None, str(path))
 
@@ -103,29 +103,6 @@ def _suffix(path: Path) -> str:
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: unknown kind of file; expected {' or '.join(SUFFIXES)} for returns.")
     return suffix
-
-
-def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Columns, and the line in the file of every row."""
-    require_file(path)
-    with explained(f"{path} cannot be read as CSV"), path.open(newline="", encoding="utf-8-sig") as file:
-        reader = csv.reader(file)
-        names = [name.strip() for name in next(reader)]
-        require_names(names, str(path))
-        columns = [array.array("d") for _ in names]
-        lines = array.array("q")
-        for row in reader:
-            if not any(map(str.strip, row)):
-                continue
-            if len(row) != len(names):
-                raise InputError(
-                    f"{path}, row {reader.line_num}: {len(row)} values; expected {len(names)}, as the names."
-                )
-            lines.append(reader.line_num)
-            for name, column, text in zip(names, columns, row, strict=True):
-                value = text.strip()
-                column.append(number(value, f"{path}, row {reader.line_num}: {name}") if value else np.nan)
-    return dict(zip(names, map(np.asarray, columns), strict=True)), np.array(lines, np.int64)
 
 
 def _read_zarr(path: Path) -> dict[str, np.ndarray]:

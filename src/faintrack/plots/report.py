@@ -11,9 +11,11 @@ import xarray as xr
 from faintrack.plots.bearing import draw_result
 from faintrack.plots.frames import draw_frames
 from faintrack.plots.returns import draw_returns
+from faintrack.plots.stations import DEVIATIONS, draw_records
 from faintrack.result import Result, positions
 from faintrack.scenario import to_toml
 from faintrack.scenario.build_returns import expected_returns, sonar_axes
+from faintrack.truth_ships import WITHIN_CELLS, sightings, unexplained
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a;
@@ -66,7 +68,7 @@ def report(result: Result) -> str:
 <title>faintrack: {name}</title><style>{STYLE}</style></head><body>
 <h1>{_count(len(result.tracks))} in {name}</h1>
 <dl>{rows}</dl>
-<h2>Tracks</h2>{_table(result)}
+<h2>Tracks</h2>{_table(result)}{_truth(result)}
 <h2>{shown}</h2>
 <img alt="{shown}, with the tracks" src="{_picture(result)}">
 <h2>Scenario</h2><details><summary>What was run</summary><pre>{html.escape(to_toml(result.scenario))}</pre></details>
@@ -131,6 +133,35 @@ def _about_returns(result: Result) -> dict[str, str]:
     }
 
 
+def _about_records(result: Result) -> dict[str, str]:
+    data, region = result.data, result.scenario.region
+    assert region is not None
+    silent = data.record.isnull().all("beam").sum("time").values
+    levels = result.scenario.energies.levels
+    cells = " x ".join(str(count) for count in data.attrs["cells"])
+    return {
+        "records": data.attrs["source"],
+        "start": data.attrs["start_time"] or "not known",
+        "scans": f"{data.sizes['time']}, {data.attrs['scan_interval']:.6g} s apart",
+        "first scan": f"{data.attrs['first_scan_time']:.10g} s on the clock of the records; times are from there",
+        "arrays": "; ".join(
+            f"{name}, {'a line' if line else 'all around'}, {int(np.isfinite(beams).sum())} beams"
+            + (f", {missing} scans without a row" if missing else "")
+            for name, line, beams, missing in zip(
+                data.array.values, data.line.values, data.bearing.values, silent, strict=True
+            )
+        ),
+        "energies": "mean {:g} and standard deviation {:g} without a target, {:g} and {:g} with one".format(
+            *levels[0], *levels[1]
+        )
+        + (", in standard deviations above each scan's median" if result.scenario.energies.absent is None else ""),
+        "detectors": f"{data.sizes['detector']} of {cells} cells, {region.cell:g} m wide, up to {region.speed:g} m/s",
+        "slots": f"{data.sizes['slot']}"
+        + (f"; in {int(data.full.sum())} scans a target was found and no slot was free" if data.full.any() else ""),
+        "ellipses": f"{DEVIATIONS:g} standard deviations",
+    }
+
+
 def _place(data: xr.Dataset, platform: str) -> str:
     """Where a platform is, or from where to where it moves."""
     x, y = (data[f"{platform}_{name}"].values.astype(float) / 1000 for name in "xy")
@@ -148,7 +179,11 @@ def _position_columns(result: Result) -> tuple[tuple[str, str, str], ...]:
     names = positions(data)
     unit = data[names[0]].attrs["units"]
     places = [
-        (f"{name}_{side}", f"{name} at {side} ({data[name].attrs['units']})", "{:.1f}")
+        (
+            f"{name}_{side}",
+            f"{name} at {side} ({data[name].attrs['units']})",
+            "{:.5f}" if data[name].attrs["units"] == "degree" else "{:.1f}",
+        )
         for side in ("start", "end")
         for name in names
     ]
@@ -168,7 +203,10 @@ def _count(number: int) -> str:
 
 def _table(result: Result) -> str:
     if not result.tracks:
-        return f"<p>Existence never reached {result.scenario.tracker.declare:g}.</p>"
+        several, told = result.scenario.several, f"{result.scenario.tracker.declare:g}"
+        if result.kind == "records":
+            told = f"{several.declare:g} for {several.hold} scans in a row"
+        return f"<p>Existence never reached {told}.</p>"
     columns = BEARING_COLUMNS if result.kind == "recording" else _position_columns(result)
     head = "".join(f"<th>{heading}</th>" for _, heading, _ in columns)
     body = "".join(
@@ -178,17 +216,43 @@ def _table(result: Result) -> str:
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
+def _truth(result: Result) -> str:
+    """Table of the ships that are known to have been there, and what was found of them."""
+    if "ship" not in result.data.sizes or result.scenario.region is None:
+        return ""
+    cell = result.scenario.region.cell
+    headings = ("ship", "in the region from (s)", "to (s)", "declared (s)", "tracks", "rmse (m)", "followed")
+    head = "".join(f"<th>{heading}</th>" for heading in headings)
+    body = ""
+    for found in sightings(result.data, cell):
+        declared = "never" if found.declared_s is None else f"{found.declared_s:.5g}"
+        rmse = "" if found.rmse_m is None else f"{found.rmse_m:.3g}"
+        labels = ", ".join(map(str, found.tracks))
+        values = (html.escape(found.ship), f"{found.from_s:.5g}", f"{found.to_s:.5g}", declared, labels, rmse)
+        body += "<tr>" + "".join(f"<td>{value}</td>" for value in (*values, f"{100 * found.followed:.0f} %")) + "</tr>"
+    others = unexplained(result.data, cell)
+    told = f"Tracks that are never within {WITHIN_CELLS * cell:g} m of a ship: {', '.join(map(str, others)) or 'none'}."
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<h2>Ships known to have been there</h2>{table}<p>{told}</p>"
+
+
 def _picture(result: Result) -> str:
     buffer = io.BytesIO()
     DRAW[result.kind](result).savefig(buffer, format="png", dpi=130)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
-ABOUT = {"recording": _about_recording, "frames": _about_sequence, "returns": _about_returns}
+ABOUT = {
+    "recording": _about_recording,
+    "frames": _about_sequence,
+    "returns": _about_returns,
+    "records": _about_records,
+}
 SHOWN = {
     "recording": "Record, existence, SNR",
     "frames": "Frames, existence, position",
     "returns": "Position, velocity, existence, returns",
+    "records": "Map, records, detection",
 }
-DRAW = {"recording": draw_result, "frames": draw_frames, "returns": draw_returns}
+DRAW = {"recording": draw_result, "frames": draw_frames, "returns": draw_returns, "records": draw_records}
 """By what was tracked in: facts, heading of the picture, picture."""

@@ -49,6 +49,28 @@ Returns of an active sonar have `[sonar]` and `[grid]` there:
     cells = [51, 51]
     speed = 12.0                 # m/s
     speeds = 7
+
+Bearing-time records of several arrays have `[[stations]]` and `[region]`:
+
+.. code-block:: toml
+
+    [[stations]]
+    name = "south"
+    x = 0.0                      # m
+    y = 0.0
+    heading_deg = 90.0           # of the line's axis
+
+    [[stations]]
+    name = "east"
+    x = 2000.0
+    y = 500.0
+    line = false
+
+    [region]
+    x = [-1000.0, 2500.0]        # m
+    y = [500.0, 3500.0]
+    cell = 50.0
+    speed = 12.0                 # m/s
 """
 
 import tomllib
@@ -61,6 +83,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from faintrack.errors import InputError
 from faintrack.scenario.array import ArrayDescription, Pair, Table, problem
 from faintrack.scenario.sonar import GridTable, SonarTable
+from faintrack.scenario.stations import EnergiesTable, RegionTable, SeveralTable, StationTable
 
 
 class Analysis(Table):
@@ -94,10 +117,10 @@ class TargetTable(Table):
     snr_noise_db : random walk of the SNR; dB per root second.
     speed : in frames: new targets move at most this fast along each axis, either way; units of the axis (pixels,
         metres) a second. One cell a frame where not given.
-    velocity_noise : in frames and with a sonar: density of the acceleration along each axis; units of the axis a second
-        per root second. Where not given, in one frame it changes the way of the next by a tenth of a cell; with a sonar
-        each component of the velocity has in the long run the standard deviation 0.4 `grid.speed`, which is
-        `velocity_noise` times the root of half the relaxation.
+    velocity_noise : in frames, with a sonar and with stations: density of the acceleration along each axis; units of
+        the axis a second per root second. Where not given, in one frame it changes the way of the next by a tenth of a
+        cell; with a sonar each component of the velocity has in the long run the standard deviation 0.4 `grid.speed`,
+        which is `velocity_noise` times the root of half the relaxation; with stations it is 0.01 `region.speed`.
     relaxation : with a sonar: time in which a velocity decays to 1/e; s.
     """
 
@@ -300,28 +323,57 @@ class Scenario(Table):
     cells: CellsTable = CellsTable()
     sonar: SonarTable | None = None
     grid: GridTable | None = None
+    stations: Annotated[tuple[StationTable, ...], Field(strict=False, min_length=1)] | None = None
+    region: RegionTable | None = None
+    energies: EnergiesTable = EnergiesTable()
+    several: SeveralTable = SeveralTable()
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Scenario":
-        kind = next((name for name in ("sonar", "frames") if getattr(self, name) is not None), None)
+        kind = next((name for name in ("stations", "sonar", "frames") if getattr(self, name) is not None), None)
         if kind is None:
             if self.filter.kind == "grid":
                 raise ValueError('filter.kind is "grid": expected [frames] with it')
             return self
         # Compared with the defaults, not with what stands in the file: a scenario is written with all of its tables.
-        unused: dict[str, Table | None] = {
-            "array": None,
-            "analysis": Analysis(),
-            "likelihood": LikelihoodTable(),
-            "simulation": None,
-        }
-        if kind == "sonar":
+        unused: dict[str, Table | None] = {"array": None, "likelihood": LikelihoodTable(), "simulation": None}
+        if kind != "stations":
+            unused |= {"analysis": Analysis()}
+        if kind != "frames":
             unused |= {"frames": None, "cells": CellsTable()}
+        if kind != "sonar":
+            unused |= {"sonar": None}
         found = [f"[{name}]" for name, default in unused.items() if getattr(self, name) != default]
         if found:
             raise ValueError(f"there are [{kind}] and {found[0]}: expected one of them")
         if self.tracker.method == "cfar":
             raise ValueError(f'tracker.method is "cfar": expected "bernoulli" with [{kind}]')
+        return self
+
+    @model_validator(mode="after")
+    def _stations_have_their_region(self) -> "Scenario":
+        if self.stations is None:
+            for name, default in (("region", None), ("energies", EnergiesTable()), ("several", SeveralTable())):
+                if getattr(self, name) != default:
+                    raise ValueError(f"there is [{name}] and no [[stations]]: expected both")
+            return self
+        if self.region is None:
+            raise ValueError("there are [[stations]] and no [region]: expected both")
+        names = [station.name for station in self.stations]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"two stations have the name {twice!r}: expected different ones")
+        if self.tracker != TrackerTable():
+            raise ValueError("there are [[stations]] and [tracker]: expected [several] in its place")
+        if self.filter != FilterTable(seed=self.filter.seed):
+            raise ValueError("there are [[stations]] and [filter]: expected nothing but its seed")
+        if self.target.speed is not None:
+            raise ValueError("there is target.speed: expected region.speed with [[stations]]")
+        ways = {"x and y": self.region.x is None, "latitude and longitude": self.region.x is not None}
+        for station in self.stations:
+            for way, absent in ways.items():
+                if absent and getattr(station, way.split()[0]) is not None:
+                    raise ValueError(f"{station.name} has {way}, and region has not: expected the same for both")
         return self
 
     @model_validator(mode="after")

@@ -46,11 +46,27 @@ def frames(recording: Recording, length: int, block: int, dtype: type = np.float
     """
     count = recording.length // length
     for first in range(0, count, block):
-        number = min(block, count - first)
-        samples: np.ndarray = recording.read(first * length, (first + number) * length).astype(dtype)
-        samples = samples.reshape(number, length, recording.channels)
-        usable = np.isfinite(samples).all(axis=1)
-        if not usable.all():
-            samples = np.where(usable[:, None, :], samples, 0)
-        time = (first + np.arange(number) + 0.5) * length / recording.sample_rate
-        yield FrameBlock(time, samples, usable)
+        yield framed(recording, length, first, min(block, count - first), dtype)
+
+
+def framed(recording: Recording, length: int, first: int, number: int, dtype: type = np.float32) -> FrameBlock:
+    """Some consecutive frames of a recording.
+
+    Parameters
+    ----------
+    recording, length, dtype : as `frames`.
+    first, number : of the frames.
+
+    Examples
+    --------
+    >>> from faintrack.recording import from_samples
+    >>> framed(from_samples(np.zeros((70, 2)), 10.0), length=10, first=2, number=3).time.tolist()
+    [2.5, 3.5, 4.5]
+    """
+    samples: np.ndarray = recording.read(first * length, (first + number) * length).astype(dtype)
+    samples = samples.reshape(number, length, recording.channels)
+    usable = np.isfinite(samples).all(axis=1)
+    if not usable.all():
+        samples = np.where(usable[:, None, :], samples, 0)
+    time = (first + np.arange(number) + 0.5) * length / recording.sample_rate
+    return FrameBlock(time, samples, usable)

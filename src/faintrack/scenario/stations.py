@@ -1,0 +1,199 @@
+"""Tables of a scenario for several arrays: where they stand, the region that is searched, what their beams report."""
+
+import re
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from faintrack.scenario.array import ArrayDescription, Pair, Table
+
+Latitude = Annotated[float, Field(ge=-89, le=89)]
+Longitude = Annotated[float, Field(ge=-360, le=360)]
+
+
+class StationTable(Table):
+    """One array whose bearing-time record is tracked in; see `faintrack.sensors.stations`.
+
+    Attributes
+    ----------
+    name : of the array.
+    file : name of its record, where the order of the files is not that of the stations.
+    x, y : where it stands: metres east and north.
+    latitude, longitude : or these; degrees.
+    path : or a CSV file that tells where it moves, see `faintrack.io.stations`; relative to the folder of this file.
+    line : whether it is a line, which hears 0 to 180 degrees from its axis; otherwise clockwise from north.
+    heading_deg : direction of a line's axis; degrees clockwise from north. That of the channels or the path where not
+        given.
+    array : its channels, where the file is a recording.
+    beams_deg : bearings of its first and last beam, where the file does not tell; degrees.
+    start_time : what time 0 of its record is in UTC, where the file does not tell.
+    clock_offset : by how much its clock is ahead; seconds.
+    """
+
+    name: str
+    file: str | None = None
+    x: float | None = None
+    y: float | None = None
+    latitude: Latitude | None = None
+    longitude: Longitude | None = None
+    path: str | None = None
+    line: bool | None = None
+    heading_deg: float | None = None
+    array: ArrayDescription | None = None
+    beams_deg: Pair | None = None
+    start_time: str | None = None
+    clock_offset: float = 0.0
+
+    @model_validator(mode="after")
+    def _stands_somewhere(self) -> "StationTable":
+        ways = {"x and y": (self.x, self.y), "latitude and longitude": (self.latitude, self.longitude)}
+        begun = [way for way, values in ways.items() if any(value is not None for value in values)]
+        begun += ["path"] if self.path is not None else []
+        if len(begun) != 1:
+            listed = " and ".join(begun) or "none"
+            raise ValueError(f"{self.name}: expected one of {', '.join(ways)}, and path; found {listed}")
+        if begun[0] != "path" and None in ways[begun[0]]:
+            raise ValueError(f"{self.name}: expected both {begun[0]}")
+        return self
+
+    @model_validator(mode="after")
+    def _shape_is_known(self) -> "StationTable":
+        if self.array is not None:
+            given = [name for name in ("line", "beams_deg") if getattr(self, name) is not None]
+            if given:
+                raise ValueError(f"{self.name}: there is array, which tells {given[0]}: expected one of them")
+        elif self.is_line and self.heading_deg is None and self.path is None:
+            raise ValueError(f"{self.name}: heading_deg is missing: expected the direction of the line's axis")
+        if self.start_time is not None:
+            parse_utc(self.start_time)
+        return self
+
+    @property
+    def is_line(self) -> bool:
+        """Whether the array is a line, as far as the table tells."""
+        return self.line is not False
+
+
+class RegionTable(Table):
+    """Where targets are looked for; see `faintrack.trackers.detectors`.
+
+    Attributes
+    ----------
+    x, y : ends of the region, east and north; metres.
+    latitude, longitude : or these; degrees.
+    cell : side of a cell of a detector; metres.
+    detectors : along x and y.
+    overlap : share of a detector that it has in common with the next.
+    speed : targets move at most this fast along each axis, either way; m/s.
+    speeds : number of cells along each axis of the velocity, from -`speed` to `speed`.
+    """
+
+    x: Pair | None = None
+    y: Pair | None = None
+    latitude: Annotated[tuple[Latitude, Latitude], Field(strict=False)] | None = None
+    longitude: Annotated[tuple[Longitude, Longitude], Field(strict=False)] | None = None
+    cell: float = Field(gt=0)
+    detectors: Annotated[
+        tuple[Annotated[int, Field(ge=1, le=100)], Annotated[int, Field(ge=1, le=100)]], Field(strict=False)
+    ] = (2, 2)
+    overlap: float = Field(default=0.25, ge=0, le=0.9)
+    speed: float = Field(gt=0)
+    speeds: int = Field(default=7, ge=2, le=99)
+
+    @model_validator(mode="after")
+    def _has_ends(self) -> "RegionTable":
+        ways = {"x and y": (self.x, self.y), "latitude and longitude": (self.latitude, self.longitude)}
+        begun = [way for way, ends in ways.items() if any(end is not None for end in ends)]
+        if len(begun) != 1 or None in ways[begun[0]]:
+            raise ValueError(f"expected either {' or '.join(ways)}; found {' and '.join(begun) or 'none'}")
+        for name in begun[0].split(" and "):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name} goes from {low:g} to {high:g}: expected the lower end first")
+        return self
+
+
+class EnergiesTable(Table):
+    """What a beam reports; see `faintrack.likelihoods.beam_energies`.
+
+    Attributes
+    ----------
+    absent : mean and standard deviation without a target, in the unit of the records. Where not given, both are
+        estimated from every scan and `present` is in standard deviations above the mean; see
+        `faintrack.signal.energies`.
+    present : mean and standard deviation with one target. Where not given the mean lies two standard deviations above
+        that without, and the standard deviation is the same.
+    """
+
+    absent: Pair | None = None
+    present: Pair | None = None
+
+    @model_validator(mode="after")
+    def _louder(self) -> "EnergiesTable":
+        (low, spread), (high, wider) = self.levels
+        if not spread > 0:
+            raise ValueError(f"absent has the standard deviation {spread:g}: expected above 0")
+        if not (high > low and wider >= spread):
+            raise ValueError(
+                f"present is {high:g} with standard deviation {wider:g}: expected above {low:g}, and not below "
+                f"{spread:g}, those of absent"
+            )
+        return self
+
+    @property
+    def levels(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Mean and standard deviation without a target, and with one, in what the tracker is given."""
+        absent = (0.0, 1.0) if self.absent is None else self.absent
+        mean, std = absent
+        return absent, (mean + 2 * std, std) if self.present is None else self.present
+
+
+class SeveralTable(Table):
+    """How tracks of several targets come about; see `faintrack.trackers.several`.
+
+    Attributes
+    ----------
+    slots : targets that can be followed at once.
+    particles : that follow a target; rounded up to a power of two.
+    detect : target-present probability of a detector at which its target is handed over to particles.
+    declare : existence at which a track begins, when it has lasted for `hold` scans.
+    hold : scans.
+    drop : existence below which a target is given up.
+    """
+
+    slots: int = Field(default=8, ge=1, le=64)
+    particles: int = Field(default=2048, ge=16, le=1_000_000)
+    detect: float = Field(default=0.9, gt=0, lt=1)
+    declare: float = Field(default=0.99, gt=0, lt=1)
+    hold: int = Field(default=5, ge=1, le=1000)
+    drop: float = Field(default=0.1, gt=0, lt=1)
+
+    @model_validator(mode="after")
+    def _hysteresis(self) -> "SeveralTable":
+        if not self.drop < self.declare:
+            raise ValueError("drop: expected less than declare")
+        return self
+
+
+_UTC = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?)?Z?")
+
+
+def parse_utc(text: str) -> np.datetime64:
+    """Time from ISO text in UTC, to the nanosecond.
+
+    Raises
+    ------
+    ValueError : the text is no such time.
+
+    Examples
+    --------
+    >>> str(parse_utc("2016-01-12T13:02Z"))
+    '2016-01-12T13:02:00.000000000'
+    """
+    try:
+        if _UTC.fullmatch(text) is None:
+            raise ValueError
+        return np.datetime64(text.removesuffix("Z"), "ns")
+    except ValueError:
+        raise ValueError(f"start_time is {text!r}: expected a UTC time such as 2016-01-12T13:02:11") from None
