@@ -19,7 +19,7 @@ from faintrack.io.ais import read_ships
 from faintrack.io.results import read_result, result_folder, write_result
 from faintrack.io.returns import holds_returns
 from faintrack.io.sequences import holds_frames
-from faintrack.io.stations import open_stations
+from faintrack.io.stations import located, open_stations
 from faintrack.plots.report import write_report
 from faintrack.recording import Recording
 from faintrack.result import Result
@@ -97,6 +97,7 @@ def run_track_records(
     files: list[Path], scenario: Path, what: Scenario, truth: Path | None, out: Path | None, quiet: bool
 ) -> Result:
     """Result of the records or recordings of several arrays; where `out` is given it is kept there with its report."""
+    what = located(what, scenario.parent)
     inputs = open_stations(files, what, scenario.parent)
     together = put_together(inputs.records, what)
     blocks = track_record_blocks(inputs.records, what, inputs.paths, inputs.arrays)

@@ -85,6 +85,30 @@ def open_stations(files: Sequence[str | Path], scenario: Scenario, folder: str |
     return Inputs(tuple(records), paths, arrays)
 
 
+def located(scenario: Scenario, folder: str | Path) -> Scenario:
+    """Scenario whose paths are absolute, so that it runs again from any folder.
+
+    Parameters
+    ----------
+    scenario : with stations.
+    folder : that their paths are relative to.
+
+    Examples
+    --------
+    >>> what = Scenario.model_validate({
+    ...     "stations": [{"name": "towed", "path": "towed.csv"}],
+    ...     "region": {"x": [0, 1000], "y": [0, 1000], "cell": 50.0, "speed": 3.0},
+    ... })
+    >>> located(what, "/data").stations[0].path
+    '/data/towed.csv'
+    """
+    found = tuple(
+        table if table.path is None else table.model_copy(update={"path": str(Path(folder, table.path).resolve())})
+        for table in scenario.stations or ()
+    )
+    return scenario.model_copy(update={"stations": found})
+
+
 def read_path(path: str | Path, degrees: bool = False, heading: bool = False) -> dict[str, np.ndarray]:
     """Where an array moves.
 

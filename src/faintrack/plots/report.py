@@ -62,7 +62,9 @@ def report(result: Result) -> str:
     facts = ABOUT[result.kind](result)
     shown = SHOWN[result.kind]
     rows = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in facts.items())
-    name = html.escape(Path(result.data.attrs["source"]).name)
+    source = result.data.attrs["source"]
+    files = source.split(" and ") if result.kind == "records" else [source]
+    name = html.escape(" and ".join(Path(file).name for file in files))
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>faintrack: {name}</title><style>{STYLE}</style></head><body>
