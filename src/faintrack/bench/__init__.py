@@ -23,6 +23,7 @@ from faintrack.bench.monte_carlo import scenario1_run_step
 from faintrack.bench.pixels import pixel_frame
 from faintrack.bench.recording import track_55ch_realtime
 from faintrack.bench.rows import Row
+from faintrack.bench.several import several_sea_trial, several_synthetic
 from faintrack.bench.sizes import Sizes
 from faintrack.bench.startup import help_seconds, import_seconds
 from faintrack.errors import InputError
@@ -41,6 +42,8 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
         implicit_step_4d,
         separable_step_base,
         separable_step_fine,
+        several_sea_trial,
+        several_synthetic,
         fm_scan_base,
         fm_scan_fine,
         fm_scan_moving,

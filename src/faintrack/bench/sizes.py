@@ -17,6 +17,9 @@ class Sizes:
     steps : scans of a simulated run.
     detectors : grids of four dimensions side by side.
     places, rates : cells of such a grid along each component and along its rate.
+    small_places, small_rates : the same of smaller detectors, sixteen side by side (kreucher2011).
+    followers : particles of a target that is followed among several.
+    scans : of several arrays.
     base, fine : cells along a component and along its rate, of grids with kernels (aughenbaugh2010).
     peer_cells : along every axis of the peer's grid of four dimensions.
     pixels : of an image, along each side.
@@ -36,6 +39,10 @@ class Sizes:
     detectors: int = 4
     places: int = 51
     rates: int = 13
+    small_places: int = 26
+    small_rates: int = 21
+    followers: int = 2048
+    scans: int = 4
     base: tuple[int, int] = (51, 7)
     fine: tuple[int, int] = (73, 11)
     peer_cells: int = 21

@@ -67,10 +67,9 @@ class AlternatingDirections(eqx.Module):
         self, log_weights: Float[Array, "*cells"], start: Any, end: Any, key: PRNGKeyArray
     ) -> tuple[Float[Array, "*cells"], Float[Array, ""]]:
         """Weights at `end` and what has left the grid; `key` is not used."""
-        return in_steps(self.advances, log_weights, start, end, self.interval)
+        return in_steps(self.advances(key), log_weights, start, end, self.interval)
 
-    @property
-    def advances(self) -> list[Advance]:
+    def advances(self, key: PRNGKeyArray) -> list[Advance]:
         """For every moving component a function of (weights, number) to weights after a step and what has left."""
         tables = zip(self.grid.pairs, self.flows, self.spreads, self.leaving, strict=True)
         return [

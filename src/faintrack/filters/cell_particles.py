@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from faintrack.filters.grid import in_steps
+from faintrack.filters.grid import Advance, in_steps
 from faintrack.grids import Grid
 from faintrack.targets.target import Motion
 
@@ -38,11 +38,11 @@ class CellParticles(eqx.Module):
         self, log_weights: Float[Array, "*cells"], start: Any, end: Any, key: PRNGKeyArray
     ) -> tuple[Float[Array, "*cells"], Float[Array, ""]]:
         """Weights at `end` and what has left the grid. Rates beyond the grid are held in its last cell."""
+        return in_steps(self.advances(key), log_weights, start, end, self.interval)
 
-        def advance(weights: Array, number: Array) -> tuple[Array, Array]:
-            return self._advance(weights, jax.random.fold_in(key, number))
-
-        return in_steps([advance], log_weights, start, end, self.interval)
+    def advances(self, key: PRNGKeyArray) -> list[Advance]:
+        """Function of (weights, number) to weights after a step and what has left."""
+        return [lambda weights, number: self._advance(weights, jax.random.fold_in(key, number))]
 
     def _advance(self, weights: Float[Array, "*cells"], key: PRNGKeyArray) -> tuple[Array, Array]:
         each = (weights / self.count).ravel()

@@ -22,6 +22,7 @@ constant velocity and Ornstein-Uhlenbeck; `faintrack.filters.adi`, the Fokker-Pl
 `faintrack.filters.cell_particles`, draws in every cell.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, runtime_checkable
 
@@ -49,6 +50,19 @@ class Transport(Protocol):
         """Log weights that are still on the grid, not normalised, and the log of the weight that has left it."""
 
 
+@runtime_checkable
+class Linear(Protocol):
+    """Transport by repeated linear steps of fixed length.
+
+    Its weights can be mixed with those of new targets before their logarithms are taken, which saves half of them.
+    """
+
+    interval: float
+
+    def advances(self, key: PRNGKeyArray) -> Sequence[Advance]:
+        """Functions of (weights, number of the step), see `in_steps`."""
+
+
 class GridFilter(eqx.Module):
     """Carries a belief on a grid forward in time.
 
@@ -72,7 +86,7 @@ class GridFilter(eqx.Module):
 
     def init(self, key: PRNGKeyArray, time: float = 0.0, existence: float = 0.0) -> Belief:
         """Belief before any scan: the birth density, and a probability of existence. Nothing is drawn."""
-        birth = self._birth
+        birth = jnp.broadcast_to(self._birth, self.grid.shape)
         odds = jnp.asarray(existence, birth.dtype)
         log_odds = jnp.log(odds) - jnp.log1p(-odds)
         return Belief(self.grid.states(birth.dtype), birth, log_odds, jnp.asarray(time, birth.dtype))
@@ -88,9 +102,7 @@ class GridFilter(eqx.Module):
         dtype = belief.log_weights.dtype
         time = jnp.asarray(time, dtype)
         interval = time - belief.time
-        moved, log_lost = self.transport.carry(belief.log_weights, belief.time, time, key)
-        total = jax.nn.logsumexp(moved)
-        moved = jnp.where(total > -jnp.inf, moved - total, -jnp.inf)
+        mixed, log_lost = self._moved(belief, time, key)
         log_kept = jnp.log1p(-jnp.minimum(jnp.exp(log_lost), 1))
 
         appears, stays = self.target.transition(interval)
@@ -110,16 +122,37 @@ class GridFilter(eqx.Module):
         possible = log_existence > -jnp.inf
         share_survived = jnp.where(possible, survived - log_existence, -jnp.inf)
         share_arrived = jnp.where(possible, arrived - log_existence, 0)
-        log_weights = jnp.logaddexp(share_survived + moved, share_arrived + self._birth.astype(dtype))
+        log_weights = mixed(share_survived, share_arrived)
         log_odds = log_existence - (absent if self.simplified else log_absence)
         return Belief(belief.states, log_weights, log_odds, time)
 
+    def _moved(
+        self, belief: Belief, time: Float[Array, ""], key: PRNGKeyArray
+    ) -> tuple[Callable[[Array, Array], Array], Float[Array, ""]]:
+        """Log weights as a function of the log shares of those that stay and of those that are new; log of the loss."""
+        birth = self._birth.astype(belief.log_weights.dtype)
+        if not isinstance(self.transport, Linear):
+            moved, log_lost = self.transport.carry(belief.log_weights, belief.time, time, key)
+            total = jax.nn.logsumexp(moved)
+            moved = jnp.where(total > -jnp.inf, moved - total, -jnp.inf)
+            return lambda stay, new: jnp.logaddexp(stay + moved, new + birth), log_lost
+        weights, lost, peak = _in_steps(
+            self.transport.advances(key), belief.log_weights, belief.time, time, self.transport.interval
+        )
+        scale = jnp.sum(weights)
+        scale = jnp.where(scale > 0, 1 / scale, 0)
+
+        def mixed(stay: Array, new: Array) -> Array:
+            larger = jnp.maximum(stay, new)
+            return larger + jnp.log(jnp.exp(stay - larger) * scale * weights + jnp.exp(new - larger + birth))
+
+        return mixed, jnp.log(lost) + peak
+
     @property
-    def _birth(self) -> Float[Array, "*cells"]:
-        if self.log_birth is None:
-            # A type of its own: with a weak one what a filter starts with would be compiled for apart from the rest.
-            return jnp.full(self.grid.shape, -jnp.log(self.grid.size), float)
-        return jnp.broadcast_to(self.log_birth, self.grid.shape)
+    def _birth(self) -> Float[Array, "..."]:
+        """Natural log of each cell's share of new targets; one number where it is the same for all."""
+        # A type of its own: with a weak one what a filter starts with would be compiled for apart from the rest.
+        return jnp.asarray(-math.log(self.grid.size), float) if self.log_birth is None else self.log_birth
 
 
 def in_steps(
@@ -140,6 +173,14 @@ def in_steps(
     Log weights, and the log of the weight that has left. What is less than the type's smallest number times the
     largest weight, e^-87 in float32, becomes zero.
     """
+    weights, lost, peak = _in_steps(advances, log_weights, start, end, interval)
+    return jnp.log(weights) + peak, jnp.log(lost) + peak
+
+
+def _in_steps(
+    advances: Sequence[Advance], log_weights: Float[Array, "*cells"], start: Any, end: Any, interval: float
+) -> tuple[Float[Array, "*cells"], Float[Array, ""], Float[Array, ""]]:
+    """Weights and what has left over the largest weight before, and the log of that."""
     count = jnp.round((end - start) / interval).astype(jnp.int32)
     peak = jnp.max(log_weights)
     weights, lost = jnp.exp(log_weights - peak), jnp.zeros((), log_weights.dtype)
@@ -150,7 +191,7 @@ def in_steps(
             return weights, carried[1] + more
 
         weights, lost = jax.lax.fori_loop(0, count, again, (weights, lost))
-    return jnp.log(weights) + peak, jnp.log(lost) + peak
+    return weights, lost, peak
 
 
 def left_the_grid(

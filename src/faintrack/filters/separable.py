@@ -29,7 +29,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from scipy.special import ndtr
 
 from faintrack.axis import Axis
-from faintrack.filters.grid import Tabled, in_steps, left_the_grid
+from faintrack.filters.grid import Advance, Tabled, in_steps, left_the_grid
 from faintrack.grids import Grid
 from faintrack.targets.motion import Step
 
@@ -60,11 +60,14 @@ class Separable(eqx.Module):
         self, log_weights: Float[Array, "*cells"], start: Any, end: Any, key: PRNGKeyArray
     ) -> tuple[Float[Array, "*cells"], Float[Array, ""]]:
         """Weights at `end` and what has left the grid; `key` is not used."""
-        advances = [
+        return in_steps(self.advances(key), log_weights, start, end, self.interval)
+
+    def advances(self, key: PRNGKeyArray) -> list[Advance]:
+        """For every moving component a function of (weights, number) to weights after a step and what has left."""
+        return [
             functools.partial(_advance, *pair, kernel, leaving)
             for pair, kernel, leaving in zip(self.grid.pairs, self.kernels, self.leaving, strict=True)
         ]
-        return in_steps(advances, log_weights, start, end, self.interval)
 
 
 def _advance(

@@ -17,6 +17,7 @@ target, so the cells of all of them are emptied.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -203,3 +204,30 @@ def tiles(
     still = np.zeros(east.size)
     axes = tuple(Axis(cell / 2, cell, count) for count in cells)
     return (axes[0], axes[1]), PlanarState(*(jnp.asarray(values, float) for values in (east, north, still, still)))
+
+
+def shared_among(beliefs: Beliefs, devices: Sequence[Any]) -> Beliefs:
+    """Beliefs whose detectors are spread evenly over several devices; a step compiled for them stays there.
+
+    Parameters
+    ----------
+    beliefs : of the detectors.
+    devices : from `jax.devices()`.
+
+    Raises
+    ------
+    InputError : the number of detectors is not a multiple of that of the devices.
+
+    Examples
+    --------
+    >>> beliefs = Beliefs(None, jnp.zeros((4, 3, 3)), jnp.zeros(4), jnp.array(0.0))
+    >>> shared_among(beliefs, jax.devices()[:1]).log_weights.shape
+    (4, 3, 3)
+    """
+    count = len(beliefs.log_odds)
+    if count % len(devices):
+        raise InputError(f"{count} detectors on {len(devices)} devices; expected a multiple of these.")
+    mesh = jax.sharding.Mesh(np.array(devices), ("detector",))
+    spread = jax.sharding.NamedSharding(mesh, jax.sharding.PartitionSpec("detector"))
+    log_weights, log_odds = jax.device_put((beliefs.log_weights, beliefs.log_odds), spread)
+    return dataclasses.replace(beliefs, log_weights=log_weights, log_odds=log_odds)

@@ -37,6 +37,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.belief import covariance, mean, update
+from faintrack.draws import normal, uniform
 from faintrack.filters.resampling import systematic
 from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios
 from faintrack.sensors.stations import EnergyScan
@@ -198,8 +199,7 @@ class JointTrackers(eqx.Module):
         safe = jnp.where(scale > 0, scale, 1)
         correlation = matrices / (safe[:, :, None] * safe[:, None, :])
         root = jnp.linalg.cholesky(correlation + 1e-3 * jnp.eye(len(fields)))
-        flat = jax.random.normal(key, (self.slots * len(fields) * self.particles,), matrices.dtype)
-        apart = root @ flat.reshape(self.slots, len(fields), self.particles)
+        apart = root @ normal(key, (self.slots, len(fields), self.particles), matrices.dtype)
         apart = jnp.where(needed[:, None, None], KERNEL * scale[:, :, None] * apart, 0)
         moved = {name: getattr(beliefs.states, name) + apart[:, number] for number, name in enumerate(fields)}
         return dataclasses.replace(beliefs.states, **moved)
@@ -223,36 +223,39 @@ class JointTrackers(eqx.Module):
         key: PRNGKeyArray,
     ) -> tuple[Any, Int[Array, "array slot particle"], Float[Array, "slot particle"]]:
         """States moved by coupled partitions, their beams, and the log of what makes up for the choice."""
-        fans, slots, count = self.likelihood.fans, self.slots, self.particles
-        for_move, for_choice = jax.random.split(key)
-        many = jax.tree.map(lambda values: jnp.repeat(values[:, None], self.proposals, axis=1), beliefs.states)
-        moved = self.target.motion.move(many, interval, for_move)
-        candidates = fans.beams(scan.stations, moved)
+        fans, slots, proposals = self.likelihood.fans, self.slots, self.proposals
         array = jnp.arange(fans.arrays)[:, None, None]
-        uniform = jax.random.uniform(for_choice, (slots, count))
+        active = beliefs.log_odds > -jnp.inf
 
-        def place(number: Array, carried: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-            """Choose where one member goes, the others where they are."""
-            beams, taken, correction = carried
-            mine = candidates[:, number]
+        def place(number: Array, carried: tuple[Any, Array, Array]) -> tuple[Any, Array, Array]:
+            """Choose where the particles of one member go, the others where they are."""
+            states, beams, correction = carried
+            mine = jax.tree.map(lambda values: values[number], states)
+            for_move, for_choice = jax.random.split(jax.random.fold_in(key, number))
+            many = jax.tree.map(lambda values: jnp.broadcast_to(values, (proposals, *values.shape)), mine)
+            moved = self.target.motion.move(many, interval, for_move)
+            heard = fans.beams(scan.stations, moved)
             others = joint[number] & (jnp.arange(slots) != number)
-            same = (mine[:, None] == beams[:, :, None]) & (others[:, None] & explains)[None, :, None]
+            same = (heard[:, None] == beams[:, :, None]) & (others[:, None] & explains)[None, :, None]
             occupied = jnp.sum(same, axis=1)
-            ratio = jnp.sum(table[array, mine, occupied + 1] - table[array, mine, occupied], axis=0)
+            ratio = jnp.sum(table[array, heard, occupied + 1] - table[array, heard, occupied], axis=0)
             total = jax.nn.logsumexp(ratio, axis=0)
             levels = jnp.cumsum(jnp.exp(ratio - total), axis=0)
-            choice = jnp.sum(levels < uniform[number] * levels[-1], axis=0)
-            chosen = jnp.take_along_axis(ratio, choice[None], axis=0)[0]
-            beams = beams.at[:, number].set(jnp.take_along_axis(mine, choice[None, None], axis=1)[:, 0])
-            return beams, taken.at[number].set(choice), correction.at[number].set(total - chosen)
+            choice = jnp.sum(levels < levels[-1] * uniform(for_choice, levels.shape[1:]), axis=0)[None]
+            chosen = jax.tree.map(lambda values: jnp.take_along_axis(values, choice, axis=0)[0], moved)
+            return (
+                jax.tree.map(lambda values, new: values.at[number].set(new), states, chosen),
+                beams.at[:, number].set(jnp.take_along_axis(heard, choice[None], axis=1)[:, 0]),
+                correction.at[number].set(total - jnp.take_along_axis(ratio, choice, axis=0)[0]),
+            )
 
-        start = (
-            candidates[:, :, 0],
-            jnp.zeros((slots, count), jnp.int32),
-            jnp.zeros((slots, count), beliefs.log_weights.dtype),
+        start = (beliefs.states, fans.beams(scan.stations, beliefs.states), jnp.zeros_like(beliefs.log_weights))
+        states, beams, correction = jax.lax.fori_loop(
+            0,
+            slots,
+            lambda number, carried: jax.lax.cond(active[number], place, lambda _, same: same, number, carried),
+            start,
         )
-        beams, taken, correction = jax.lax.fori_loop(0, slots, place, start)
-        states = jax.tree.map(lambda values: jnp.take_along_axis(values, taken[:, None], axis=1)[:, 0], moved)
         return states, beams, joint.astype(correction.dtype) @ correction
 
 

@@ -107,8 +107,9 @@ class SeveralTargetsTracker(eqx.Module):
         """State before the first scan."""
         slots = self.trackers.slots
         none = jnp.zeros(slots, jnp.int32)
-        followed = self.trackers.init(self.detectors.filter.grid.states())
-        return Watching(self.detectors.init(key), followed, none, none, jnp.array(0), jnp.array(0))
+        beliefs = self.detectors.init(key)
+        followed = self.trackers.init(self.detectors.filter.grid.states(beliefs.log_weights.dtype))
+        return Watching(beliefs, followed, none, none, jnp.array(0), jnp.array(0))
 
     def step(self, watching: Watching, scan: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
         """Take in one scan. `key` is that of the whole record; each scan makes its own from it."""
