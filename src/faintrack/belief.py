@@ -57,7 +57,8 @@ def update(belief: Belief, log_ratio: Float[Array, "*points"] | Float[Array, "..
 
     Returns
     -------
-    The updated belief, and the log evidence :math:`\log I`, the log of the mean ratio over the belief.
+    The updated belief, and the log evidence :math:`\log I`, the log of the mean ratio over the belief. Where the scan
+    rules out a target at every point there is none, and the weights stay as they were.
 
     Raises
     ------
@@ -83,7 +84,8 @@ def update(belief: Belief, log_ratio: Float[Array, "*points"] | Float[Array, "..
         )
     log_joint = belief.log_weights + log_ratio
     log_evidence = jax.nn.logsumexp(log_joint)
-    updated = dataclasses.replace(belief, log_weights=log_joint - log_evidence, log_odds=belief.log_odds + log_evidence)
+    log_weights = jnp.where(log_evidence > -jnp.inf, log_joint - log_evidence, belief.log_weights)
+    updated = dataclasses.replace(belief, log_weights=log_weights, log_odds=belief.log_odds + log_evidence)
     return updated, log_evidence
 
 

@@ -25,7 +25,7 @@ HALF = float(np.finfo(np.float16).max)
 
 @dataclass(frozen=True)
 class Result:
-    """What came out of a recording, a sequence of frames, the returns of a sonar or the records of several arrays.
+    """What came out of a recording, a sequence of frames, returns, bearings, or the records of several arrays.
 
     Attributes
     ----------
@@ -44,12 +44,14 @@ class Result:
     seconds: float
 
     @property
-    def kind(self) -> Literal["recording", "frames", "returns", "records"]:
+    def kind(self) -> Literal["recording", "frames", "returns", "records", "bearings"]:
         """What was tracked in."""
         if self.array is not None:
             return "recording"
         if self.scenario.stations is not None:
             return "records"
+        if self.scenario.bearings is not None:
+            return "bearings"
         return "frames" if self.scenario.sonar is None else "returns"
 
     @property
@@ -104,6 +106,7 @@ SCAN: dict[str, Literal["frame", "ping", "scan"]] = {
     "frames": "frame",
     "returns": "ping",
     "records": "scan",
+    "bearings": "scan",
 }
 
 
@@ -217,6 +220,43 @@ def pings_dataset(
         told = "returns of the ping" if name == "returns" else f"{name[-1]} of the {name[:-2]}"
         variables[name] = _each(values, unit, told)
     coordinates = {"time": ("time", times, {"units": "s", "long_name": "time from the first ping"})}
+    return xr.Dataset(variables, coordinates, attributes)
+
+
+def bearings_dataset(
+    times: np.ndarray,
+    estimates: Estimate,
+    more: dict[str, np.ndarray],
+    place: np.ndarray,
+    observers: np.ndarray,
+    attributes: dict[str, Any],
+) -> xr.Dataset:
+    """Estimates of consecutive scans of bearings as named variables with units.
+
+    Parameters
+    ----------
+    times : of the scans, from the first; seconds.
+    estimates : of the tracker, stacked.
+    more : by name `heard`, degrees clockwise from north, and `association`, shape (scan, observer, entry), not a number
+        where an entry holds no bearing; `xy_covariance`, shape (scan,).
+    place : of the observers, shape (scan, observer, 2); m.
+    observers : their numbers.
+    attributes : of the whole.
+    """
+    variables = _estimated(estimates, _of_plane)
+    variables["xy_covariance"] = _each(more["xy_covariance"], "m^2", "covariance of x and y")
+    entries = ("time", "observer", "entry")
+    degrees = {"units": "degree", "reference": "clockwise from north"}
+    variables["heard"] = (entries, more["heard"], {"long_name": "bearings of the scan", **degrees})
+    told = {"units": "1", "long_name": "probability that the bearing is the target's"}
+    variables["association"] = (entries, more["association"], told)
+    for number, name in enumerate("xy"):
+        told = {"units": "m", "long_name": f"{name} of the observer"}
+        variables[f"observer_{name}"] = (("time", "observer"), place[..., number], told)
+    coordinates = {
+        "time": ("time", times, {"units": "s", "long_name": "time from the first scan"}),
+        "observer": ("observer", observers, {"units": "1", "long_name": "number of the observer"}),
+    }
     return xr.Dataset(variables, coordinates, attributes)
 
 

@@ -41,6 +41,7 @@ TINY = Sizes(
     pixels=8,
     pixel_particles=30,
     pixel_births=10,
+    study="tests.studies.small:study",
     repeat_seconds=0.0,
 )
 

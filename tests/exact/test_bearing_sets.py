@@ -11,9 +11,9 @@ import pytest
 from scipy.stats import norm, poisson
 
 from faintrack.errors import InputError
-from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
+from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
 from faintrack.likelihoods.contacts import Together
-from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, bearing_set
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets, bearing_set
 from faintrack.simulation.bearing_sets import draw_bearing_set
 from faintrack.targets.states import PlanarState
 from tests.tolerances import STANDARD_ERRORS, errors_apart, rounding
@@ -60,6 +60,18 @@ def test_full_ratio_is_the_sum_over_associations(bearings: list[float], detectio
         expected = np.log([enumerated(bearings, value, detection, 3.0) for value in true])
     # Bearings of float32 positions, in units of a narrow error.
     np.testing.assert_allclose(found, expected, rtol=rounding(np.float32, 2000), atol=1e-3)
+
+
+def test_association_is_the_share_of_each_bearing() -> None:
+    """Each term of the enumeration over their sum."""
+    bearings, true = [0.41, 0.38, 1.6], 0.4
+    total = enumerated(bearings, true, 0.8, 3.0)
+    rest = poisson.pmf(2, 3.0) * WIDTH**-2 / (poisson.pmf(3, 3.0) * WIDTH**-3)
+    expected = [0.8 * norm.pdf(z, true, ERROR) * rest / 3 / total for z in bearings]
+    found = BearingSetLikelihood(sensor(0.8)).association(scan(bearings), at_bearing(true))
+    np.testing.assert_allclose(found[:3], expected, rtol=rounding(np.float32, 3000), atol=1e-6)
+    assert float(found[3:].sum()) == 0
+    assert float(BearingSetLikelihood(sensor()).association(scan([0.4]), at_bearing(-2.0)).sum()) == 0
 
 
 def test_published_ratio_leaves_out_how_many_there_are() -> None:
@@ -135,6 +147,10 @@ def test_two_observers_add_their_log_ratios() -> None:
     one, states = BearingSetLikelihood(sensor()), at_bearing(np.array([0.4, 1.0]))
     both = Together((one, one)).log_ratio((first, second), states)
     np.testing.assert_allclose(both, one.log_ratio(first, states) + one.log_ratio(second, states), rtol=1e-6)
+    sets = jax.tree.map(lambda *parts: jnp.stack(parts), first, second)
+    for heard, expected in ([True, True], both), ([True, False], one.log_ratio(first, states)):
+        told = ObserversLikelihood(one).log_ratio(ObserverSets(jnp.array(2.0), sets, jnp.array(heard)), states)
+        np.testing.assert_allclose(told, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

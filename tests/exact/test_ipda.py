@@ -193,3 +193,20 @@ def test_existence_falls_where_nothing_is_heard() -> None:
         existence.append(float(models.existence))
     assert existence == sorted(existence, reverse=True)
     assert existence[-1] < 0.05
+
+
+def test_density_of_false_detections_may_come_from_the_scan() -> None:
+    """As many as there are over a width of 60."""
+    single = ipda(1.0)
+    counted = eqx.tree_at(lambda each: each.association.false_density, single, lambda scan: scan.there.sum() / 60.0)
+    known = eqx.tree_at(lambda each: each.association.false_density, single, 3 / 60.0)
+    values = heard([9.0, 12.0, 30.0])
+    told = [taken_in(each, single.init(0.5), values)[0] for each in (counted, known)]
+    assert float(told[0].log_odds) == pytest.approx(float(told[1].log_odds), rel=rounding(np.float32, 30))
+
+
+def test_a_target_that_cannot_be_missed_and_is_not_detected_is_not_there() -> None:
+    single = ipda(1.0)
+    after, _ = taken_in(single, single.init(0.5), heard([]))
+    assert float(after.existence) == 0
+    np.testing.assert_array_equal(after.state.mean, single.predict(single.init(0.5)).state.mean)

@@ -69,6 +69,14 @@ def test_a_scan_at_the_start_finds_the_newborn(dtype: type) -> None:
     assert_equal(np.exp(belief.log_weights).sum(), 1.0, dtype, POINTS)
 
 
+def test_a_scan_that_rules_a_target_out_everywhere_leaves_the_weights(dtype: type) -> None:
+    belief = belief_of(Scene(dtype))
+    updated, log_evidence = update(belief, jnp.full(POINTS, -jnp.inf, dtype))
+    assert log_evidence == -jnp.inf
+    assert updated.existence == 0
+    assert_same_bits(updated.log_weights, belief.log_weights)
+
+
 @pytest.mark.parametrize("existence", [0.01, 0.5, 0.99])
 def test_existence_in_two_steps_equals_one(dtype: type, existence: float) -> None:
     filter = Scene(dtype).filter()

@@ -11,6 +11,10 @@ covariance S of the innovation, detection i is the target's, or none is, with th
 (Bar-Shalom and Tse 1975). I is the mean likelihood ratio of the scan, the evidence that `faintrack.belief.update` has
 from points. The mixture over i is replaced by one Gaussian with its mean and covariance. There is no gate: what is far
 off has a weight of nothing.
+
+Where the density of false detections is not known it may be taken from the scan itself, as many as there are detections
+over the width of what is watched (the nonparametric form); with :math:`P_D = 1` that is the published form of
+`faintrack.likelihoods.bearing_sets`.
 """
 
 from collections.abc import Callable
@@ -105,7 +109,8 @@ class Association(eqx.Module):
     values : function of a scan to its detections, shape (entry, measured), and whether each entry is one.
     error : covariance of a measurement.
     detection_probability : of a target in a scan.
-    false_density : expected number of false detections a scan and unit of what is measured.
+    false_density : expected number of false detections a scan and unit of what is measured; or a function of a scan to
+        it.
     innovate : `extended` or `unscented`.
     differ : difference of two measurements.
     """
@@ -114,7 +119,7 @@ class Association(eqx.Module):
     values: Callable[[Any], tuple[Array, Array]] = eqx.field(static=True)
     error: Float[Array, "measured measured"]
     detection_probability: Float[Array, ""] | float
-    false_density: Float[Array, ""] | float
+    false_density: Float[Array, ""] | float | Callable[[Any], Array]
     innovate: Callable[[Gaussian, Measure, Array, Differ], Innovation] = eqx.field(static=True, default=extended)
     differ: Differ = eqx.field(static=True, default=jnp.subtract)
 
@@ -123,16 +128,23 @@ class Association(eqx.Module):
         told = self.innovate(state, lambda each: self.measure(each, scan), self.error, self.differ)
         values, there = self.values(scan)
         off = self.differ(values, told.expected)
-        log_weights = self._log_weights(off, there, told)
+        density = self.false_density(scan) if callable(self.false_density) else self.false_density
+        log_weights = self._log_weights(off, there, told, density)
         log_evidence = jax.nn.logsumexp(log_weights)
-        weights = jnp.exp(log_weights - log_evidence)
+        # A target that cannot be missed, and no detection: there is none, and its state stays as it was.
+        none = jnp.arange(len(log_weights)) == 0
+        weights = jnp.where(log_evidence > -jnp.inf, jnp.exp(log_weights - log_evidence), none)
         after = state.covariance - told.gain @ told.covariance @ told.gain.T
         covariances = jnp.concatenate([state.covariance[None], jnp.broadcast_to(after, (len(off), *after.shape))])
         means = jnp.concatenate([state.mean[None], state.mean + off @ told.gain.T])
         return merged(weights, Gaussian(means, covariances)), log_evidence
 
     def _log_weights(
-        self, off: Float[Array, "entry measured"], there: Bool[Array, " entry"], told: Innovation
+        self,
+        off: Float[Array, "entry measured"],
+        there: Bool[Array, " entry"],
+        told: Innovation,
+        false_density: Float[Array, ""] | float,
     ) -> Float[Array, " hypothesis"]:
         """Of no detection being the target's, then of each: the numerators of the module's probabilities."""
         detected = jnp.asarray(self.detection_probability, off.dtype)
@@ -140,5 +152,5 @@ class Association(eqx.Module):
         scaled = jax.scipy.linalg.solve_triangular(root, off.T, lower=True)
         log_density = -0.5 * (scaled**2).sum(axis=0) - jnp.log(jnp.diag(root)).sum()
         log_density = log_density - 0.5 * off.shape[1] * jnp.log(2 * jnp.pi)
-        each = jnp.where(there, jnp.log(detected) + log_density - jnp.log(self.false_density), -jnp.inf)
+        each = jnp.where(there, jnp.log(detected) + log_density - jnp.log(false_density), -jnp.inf)
         return jnp.concatenate([jnp.log1p(-detected)[None], each])

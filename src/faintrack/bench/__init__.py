@@ -26,6 +26,7 @@ from faintrack.bench.rows import Row
 from faintrack.bench.several import several_sea_trial, several_synthetic
 from faintrack.bench.sizes import Sizes
 from faintrack.bench.startup import help_seconds, import_seconds
+from faintrack.bench.studies import study_seconds
 from faintrack.errors import InputError
 
 __all__ = ["ROWS", "Row", "Sizes", "run"]
@@ -52,6 +53,7 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
         cw_scan_fine,
         cw_scan_moving,
         pixel_frame,
+        study_seconds,
         import_seconds,
         help_seconds,
     )

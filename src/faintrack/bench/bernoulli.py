@@ -1,10 +1,7 @@
 r"""One step of the Bernoulli particle filter on bearings in clutter, ours and Stone Soup's.
 
-Both sides resample, move, draw newborn targets and take in the same six bearings with the ratio
-
-.. math:: \ell = 1 - P_D + \frac{P_D}{\lambda} \sum_i \mathcal{N}(z_i; \psi(x), \sigma^2)
-
-with :math:`\lambda` the clutter's density a radian (liu2013, with its detection probability and clutter count).
+Both sides resample, move, draw newborn targets and take in the same six bearings with the full ratio of
+`faintrack.likelihoods.bearing_sets` (liu2013, with its number of false bearings).
 """
 
 from collections.abc import Callable
@@ -12,11 +9,10 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from faintrack.belief import Belief
 from faintrack.bench.machine import Machine
@@ -24,6 +20,8 @@ from faintrack.bench.rows import Row, Timing, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import step
+from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, bearing_set
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target, UniformBirth, rates
@@ -34,35 +32,11 @@ MIDDLE = (1500.0, 2500.0, 0.0, 0.0)
 SPREAD = (1500.0, 1500.0, 10.0, 10.0)
 """Newborn targets: x, y, vx, vy, metres and m/s, and how far they reach to either side of the middle."""
 BEARING_STD = float(np.radians(2.0))
-CLUTTER_DENSITY = 5 / (2 * np.pi)
+FALSE_PER_SCAN = 5.0
 DETECTION_PROBABILITY = 0.9
 BIRTH_PROBABILITY, SURVIVAL_PROBABILITY = 0.05, 0.98
 VELOCITY_NOISE = 0.1
 EXISTENCE = 0.5
-
-
-class Bearings(eqx.Module):
-    """Bearings of one scan: time in seconds, radians clockwise from north."""
-
-    time: Float[Array, ""]
-    bearing: Float[Array, " detection"]
-
-
-class BearingsInClutter(eqx.Module):
-    """Log ratio of a scan of bearings, observer at the origin (the module's equation)."""
-
-    bearing_std: float
-    clutter_density: float
-    detection_probability: float
-
-    def log_ratio(self, scan: Bearings, states: PlanarState) -> Float[Array, "*points"]:
-        """Natural log of p(scan | target at state) / p(scan | no target)."""
-        bearing = jnp.arctan2(states.x, states.y)
-        off = scan.bearing.reshape(-1, *(1 for _ in bearing.shape)) - bearing
-        off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
-        density = jnp.exp(-0.5 * (off / self.bearing_std) ** 2) / (self.bearing_std * np.sqrt(2 * np.pi))
-        heard = jnp.sum(density, axis=0) / self.clutter_density
-        return jnp.log(1 - self.detection_probability + self.detection_probability * heard)
 
 
 @dataclass(frozen=True)
@@ -70,9 +44,9 @@ class Problem:
     """What is believed, and the scan to take in."""
 
     filter: BernoulliParticleFilter
-    likelihood: BearingsInClutter
+    likelihood: BearingSetLikelihood
     belief: Belief
-    scan: Bearings
+    scan: BearingSet
 
     def step(self, belief: Belief, key: Array) -> tuple[Belief, Array]:
         """One prediction and update from a given belief."""
@@ -92,9 +66,10 @@ def problem(particles: int, births: int) -> Problem:
         *rates(BIRTH_PROBABILITY, SURVIVAL_PROBABILITY, interval=1.0),
     )
     filter = BernoulliParticleFilter(target, particles, births)
-    likelihood = BearingsInClutter(BEARING_STD, CLUTTER_DENSITY, DETECTION_PROBABILITY)
-    scan = Bearings(jnp.asarray(1.0, jnp.float32), jnp.asarray(BEARINGS, jnp.float32))
-    return Problem(filter, likelihood, filter.init(jax.random.key(0), existence=EXISTENCE), scan)
+    sensor = BearingSensor(BEARING_STD, DETECTION_PROBABILITY, FALSE_PER_SCAN)
+    # Anticlockwise from the x axis.
+    scan = bearing_set(sensor, 1.0, np.pi / 2 - BEARINGS, state(0.0, 0.0, 0.0, 0.0), capacity=len(BEARINGS))
+    return Problem(filter, BearingSetLikelihood(sensor), filter.init(jax.random.key(0), existence=EXISTENCE), scan)
 
 
 def stone_soup_step(particles: int, births: int) -> Callable[[], Any] | None:
@@ -132,8 +107,8 @@ def stone_soup_step(particles: int, births: int) -> Callable[[], Any] | None:
     updater = BernoulliParticleUpdater(
         sensor,
         resampler=SystematicResampler(),
-        clutter_rate=5,
-        clutter_distribution=CLUTTER_DENSITY / 5,
+        clutter_rate=FALSE_PER_SCAN,
+        clutter_distribution=1 / (2 * np.pi),
         detection_probability=DETECTION_PROBABILITY,
         nsurv_particles=particles,
     )

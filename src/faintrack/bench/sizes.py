@@ -24,6 +24,7 @@ class Sizes:
     peer_cells : along every axis of the peer's grid of four dimensions.
     pixels : of an image, along each side.
     pixel_particles, pixel_births : of the tracker on images.
+    study : that is run as a whole.
     repeat_seconds : that every call is repeated.
     """
 
@@ -34,7 +35,7 @@ class Sizes:
     births: int = 250
     bearing_particles: int = 3000
     bearing_births: int = 750
-    batch: int = 64
+    batch: int = 100
     steps: int = 60
     detectors: int = 4
     places: int = 51
@@ -49,4 +50,5 @@ class Sizes:
     pixels: int = 256
     pixel_particles: int = 80_000
     pixel_births: int = 20_000
+    study: str = "liu2013"
     repeat_seconds: float = 2.0

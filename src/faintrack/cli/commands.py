@@ -74,7 +74,8 @@ def track(
             help="WAV, FLAC, HDF5, Zarr, SAC, miniSEED; channels of several files are put side by side. "
             "Or frames: TIFF, npz, a folder of PNG; MAT, Zarr with a scenario that has \\[frames]. "
             "Or returns of an active sonar: CSV, Zarr with a scenario that has \\[sonar]. "
-            "Or one record (npz, HDF5, Zarr, CSV) or recording for each array of a scenario that has \\[\\[stations]]."
+            "Or one record (npz, HDF5, Zarr, CSV) or recording for each array of a scenario that has \\[\\[stations]]. "
+            "Or sets of bearings: CSV, Zarr with a scenario that has \\[bearings]."
         ),
     ],
     array: ArrayFile = None,
@@ -88,7 +89,7 @@ def track(
     out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Find and follow the sources in a recording of an array, the targets in frames, sonar returns, several arrays.
+    """Find and follow the sources in a recording, the targets in frames, sonar returns, bearings, several arrays.
 
     Example: [bold]faintrack track night.wav --array array.toml --band 100 1500 --out night[/bold]
 
@@ -96,12 +97,14 @@ def track(
 
     Example: [bold]faintrack track returns.csv --scenario scenario.toml --out returns[/bold]
 
+    Example: [bold]faintrack track bearings.csv --scenario scenario.toml --out bearings[/bold]
+
     Example: [bold]faintrack track south.npz east.npz --scenario stations.toml --out tracks[/bold]
     """
     from faintrack.cli import running
     from faintrack.cli.tables import print_tracks
     from faintrack.errors import InputError
-    from faintrack.io import match_channels, read, read_returns
+    from faintrack.io import match_channels, read, read_bearings, read_returns
 
     only_array = {"--array": array, "--band": band, "--frame": frame, "--method": method}
     alone = running.scenario_without_array(recording, scenario, only_array)
@@ -112,6 +115,8 @@ def track(
         result = running.run_track_records(recording, scenario, alone, truth, out, quiet=as_json)
     elif alone is not None and alone.sonar is not None:
         result = running.run_track_returns(read_returns(recording[0]), alone, out, quiet=as_json)
+    elif alone is not None and alone.bearings is not None:
+        result = running.run_track_bearings(read_bearings(recording[0]), alone, out, quiet=as_json)
     elif alone is not None:
         result = running.run_track_frames(running.open_sequence(recording[0], alone), alone, out, quiet=as_json)
     else:

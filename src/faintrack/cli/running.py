@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import jax
 import xarray as xr
 
+from faintrack.bearings import Bearings
 from faintrack.calibration import Calibrated, calibrate
 from faintrack.errors import InputError, naming
 from faintrack.io import read_array, read_sequence, write_recording
@@ -31,6 +32,7 @@ from faintrack.scenario.simulate import simulated_samples
 from faintrack.sensors.array import SensorArray
 from faintrack.sequence import Sequence
 from faintrack.session import collect, track_blocks, with_analysis, with_method
+from faintrack.session_bearings import track_bearing_blocks
 from faintrack.session_frames import track_frame_blocks, with_frames
 from faintrack.session_returns import track_ping_blocks
 from faintrack.session_stations import put_together, track_record_blocks
@@ -106,8 +108,13 @@ def run_track_records(
     return _run_blocks(blocks, together.length, what, None, out, quiet)
 
 
+def run_track_bearings(bearings: Bearings, scenario: Scenario, out: Path | None, quiet: bool) -> Result:
+    """Result of sets of bearings; where `out` is given it is kept there with its report."""
+    return _run_blocks(track_bearing_blocks(bearings, scenario), bearings.length, scenario, None, out, quiet)
+
+
 def scenario_without_array(paths: list[Path], scenario: Path | None, options: Mapping[str, object]) -> Scenario | None:
-    """Scenario for frames, returns or several arrays, where it has a table of them or the file can be nothing else.
+    """Scenario for what is no recording of one array, where it has a table of it or the file can be nothing else.
 
     Parameters
     ----------
@@ -117,35 +124,34 @@ def scenario_without_array(paths: list[Path], scenario: Path | None, options: Ma
 
     Raises
     ------
-    InputError : a path that does not exist; returns without a scenario; frames or returns with options of an array, or
-        in several files.
+    InputError : a path that does not exist; returns or bearings without a scenario; any of the three with options of an
+        array, or in several files.
     """
     for path in paths:
         if not path.exists():
             raise InputError(f"{path} does not exist.")
     what = None if scenario is None else read_scenario(scenario)
     given = [name for name, value in options.items() if value is not None]
-    kinds = ("stations", "sonar", "frames")
+    kinds = ("stations", "bearings", "sonar", "frames")
     table = None if what is None else next((name for name in kinds if getattr(what, name)), None)
     if table is None:
         lone = next(filter(holds_returns, paths), None)
         if lone is not None:
             raise InputError(
-                f"{lone} holds returns of a sonar or a record; expected a --scenario FILE with [sonar] and [grid], or "
-                "with [[stations]] and [region]."
+                f"{lone} holds returns of a sonar or a record, or bearings; expected a --scenario FILE with [sonar] "
+                "and [grid], with [bearings], or with [[stations]] and [region]."
             )
         if given or (what is not None and what.array is not None) or not all(map(holds_frames, paths)):
             return None
     if given:
         raise InputError(f"{scenario} has [{table}]; expected no {given[0]}, which is for recordings of an array.")
     if len(paths) > 1 and table != "stations":
-        told = (
-            "returns were given; expected one file"
-            if table == "sonar"
-            else "frames were given; expected one file, or one folder of PNG files"
-        )
+        told = {
+            "sonar": "returns were given; expected one file",
+            "bearings": "bearings were given; expected one file, observers in rows of their own",
+        }.get(str(table), "frames were given; expected one file, or one folder of PNG files")
         raise InputError(f"{len(paths)} files of {told}.")
-    return what if table in ("sonar", "stations") else with_frames(what)
+    return what if table in ("sonar", "bearings", "stations") else with_frames(what)
 
 
 def open_sequence(path: Path, scenario: Scenario) -> Sequence:

@@ -37,14 +37,25 @@ class Likelihood(Protocol):
         """Natural log of p(scan | target at state) / p(scan | no target)."""
 
 
+Proposal = Callable[..., tuple[Any, Array]]
+"""Function of (likelihood, scan, birth, key, count) to newborn states and their log weights: `guide`, or its like."""
+
+
 def step(
-    filter: Filter, likelihood: Likelihood, belief: Belief, scan: Any, key: PRNGKeyArray, guided: bool = False
+    filter: Filter,
+    likelihood: Likelihood,
+    belief: Belief,
+    scan: Any,
+    key: PRNGKeyArray,
+    guided: bool | Proposal = False,
 ) -> tuple[Belief, Float[Array, ""]]:
     """Predict to the time of a scan and take it in; returns the belief and the log evidence.
 
-    With `guided`, newborn particles are drawn where the scan points (`faintrack.filters.guide`).
+    With `guided`, newborn particles are drawn where the scan points: by `faintrack.filters.guide`, or as a function
+    such as `faintrack.filters.guide_bearings.along_bearings` does.
     """
-    more = {"guide": partial(guide, likelihood, scan)} if guided else {}
+    propose = guide if guided is True else guided
+    more = {"guide": partial(propose, likelihood, scan)} if propose else {}
     predicted = filter.predict(belief, scan.time, key, **more)
     return update(predicted, likelihood.log_ratio(scan, predicted.states))
 

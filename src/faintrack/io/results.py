@@ -86,7 +86,7 @@ def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario,
     folder : that exists and is empty.
     blocks : consecutive frames; see `faintrack.session.track_blocks` and, for those without a time axis, which are
         added as they are, `faintrack.session_frames.track_frame_blocks`.
-    scenario, array : what was run; no array for frames and returns.
+    scenario, array : what was run; no array for frames, returns and bearings.
     """
     start = clock.perf_counter()
     store = folder / "result.zarr"
@@ -146,9 +146,10 @@ def read_result(folder: str | Path) -> Result:
     if not (folder / "result.zarr").exists():
         raise InputError(f"{folder} has no result.zarr; expected the result of faintrack track --out.")
     scenario = read(folder / "scenario.toml")
-    if all(getattr(scenario, name) is None for name in ("array", "frames", "sonar", "stations")):
+    if all(getattr(scenario, name) is None for name in ("array", "frames", "sonar", "bearings", "stations")):
         raise InputError(
-            f"{folder / 'scenario.toml'} has no [array], [frames], [sonar] or [[stations]]; expected what was used."
+            f"{folder / 'scenario.toml'} has no [array], [frames], [sonar], [bearings] or [[stations]]; "
+            "expected what was used."
         )
     try:
         seconds = float(json.loads((folder / "versions.json").read_text())["seconds"])

@@ -15,19 +15,10 @@ In CSV the first row names the columns, in any order, and a missing value is emp
 with one axis, `return`, and a missing value is not a number.
 """
 
-import csv
 from pathlib import Path
 
-import numpy as np
-
-from faintrack.errors import InputError, naming
-from faintrack.io.checks import explained, require_numeric
-from faintrack.io.columns import read_columns
-from faintrack.io.variables import open_zarr
-from faintrack.io.write_recordings import completed
+from faintrack.io.columns import read_table, write_table
 from faintrack.returns import Returns, from_columns, require_names, to_columns
-
-SUFFIXES = (".csv", ".zarr")
 
 
 def read_returns(path: str | Path) -> Returns:
@@ -57,11 +48,8 @@ def read_returns(path: str | Path) -> Returns:
     ([0.0, 180.0], [1, 0])
     """
     path = Path(path)
-    suffix = _suffix(path)
-    if suffix == ".csv":
-        columns, rows = read_columns(path, require_names)
-        return from_columns(columns, rows, str(path))
-    return from_columns(_read_zarr(path), None, str(path))
+    columns, rows = read_table(path, "returns", "return", require_names)
+    return from_columns(columns, rows, str(path))
 
 
 def write_returns(path: str | Path, returns: Returns) -> None:
@@ -76,44 +64,9 @@ def write_returns(path: str | Path, returns: Returns) -> None:
     ------
     InputError : the suffix is unknown, or the file cannot be written.
     """
-    import xarray as xr
-
-    path = Path(path)
-    suffix, columns = _suffix(path), to_columns(returns)
-    complaint = f"{path} cannot be written"
-    with completed(path, complaint) as partial, explained(complaint):
-        if suffix == ".csv":
-            with partial.open("w", newline="") as file:
-                writer = csv.writer(file)
-                writer.writerow(columns)
-                for row in zip(*columns.values(), strict=True):
-                    writer.writerow(["" if np.isnan(value) else f"{value:.9g}" for value in row])
-        else:
-            data = xr.Dataset({name: ("return", column) for name, column in columns.items()})
-            data.to_zarr(partial, zarr_format=2)
+    write_table(Path(path), "returns", "return", to_columns(returns))
 
 
 def holds_returns(path: Path) -> bool:
     """Whether a path can be nothing else than returns: CSV; Zarr holds samples and frames too."""
     return path.suffix.lower() == ".csv"
-
-
-def _suffix(path: Path) -> str:
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InputError(f"{path}: unknown kind of file; expected {' or '.join(SUFFIXES)} for returns.")
-    return suffix
-
-
-def _read_zarr(path: Path) -> dict[str, np.ndarray]:
-    columns = {}
-    with naming(path):
-        for name, variable in open_zarr(path).items():
-            if name == "return":  # numbers of the rows
-                continue
-            require_numeric(variable.dtype, name)
-            packed = variable.attributes.keys() & {"scale_factor", "add_offset"}
-            if packed:
-                raise InputError(f"{name} is packed with {min(packed)}; expected plain values.")
-            columns[name] = variable.read((slice(None),) * len(variable.shape))
-    return columns

@@ -17,8 +17,8 @@ bearing is the target's with probability 1 / n, and
 
 .. math:: \ell(z | x) = \frac{1}{n} \sum_i \frac{p(z_i | x)}{p_c} .
 
-The two differ by the factor :math:`n / M_c`: that there are more bearings than usual is itself a sign of a target. A
-scan without bearings rules the target out in the published form.
+That is the full form with :math:`P_D = 1` over :math:`n / M_c`: that there are more bearings than usual is itself a
+sign of a target. A scan without bearings rules the target out in the published form.
 """
 
 from typing import Any
@@ -26,9 +26,9 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
 
 
 class BearingSetLikelihood(eqx.Module):
@@ -37,7 +37,7 @@ class BearingSetLikelihood(eqx.Module):
     Attributes
     ----------
     sensor : what it reports.
-    published : takes the form of liu2013, eq. 12-13, in place of the full one.
+    published : takes the form of liu2013, eq. 12-13, in place of the full one; may vary without a new compilation.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class BearingSetLikelihood(eqx.Module):
     """
 
     sensor: BearingSensor
-    published: bool = eqx.field(static=True, default=False)
+    published: bool | Bool[Array, ""] = False
 
     def log_ratio(self, scan: BearingSet, states: Any) -> Float[Array, "..."]:
         """Natural log of p(bearings | target at state) / p(bearings | no target); 0 outside the sector.
@@ -64,17 +64,74 @@ class BearingSetLikelihood(eqx.Module):
         scan : one scan.
         states : positions in the plane.
         """
-        sensor, dtype = self.sensor, scan.bearing.dtype
+        missed, each, within = self._terms(scan, states)
+        log_sum = jnp.logaddexp(missed, jax.nn.logsumexp(each, axis=0))
+        crowding = jnp.log(jnp.maximum(scan.there.sum(), 1) / self.sensor.false_per_scan)
+        log_sum = log_sum - jnp.where(self.published, crowding, 0)
+        return jnp.where(within, log_sum, 0).astype(scan.bearing.dtype)
+
+    def association(self, scan: BearingSet, states: Any) -> Float[Array, "..."]:
+        r"""Probability of every entry to be the target's bearing, if there is a target at the state.
+
+        Parameters
+        ----------
+        scan : one scan.
+        states : positions in the plane.
+
+        Returns
+        -------
+        Shape (entry, *states); what is left to 1 is the probability that the target was missed.
+
+        Notes
+        -----
+        The share of the entry in the module's sum, :math:`P_D\, p(z_i | x) / (M_c p_c) / \ell(z | x)`.
+
+        Examples
+        --------
+        >>> import math
+        >>> import numpy as np
+        >>> from faintrack.sensors.bearing_sets import bearing_set
+        >>> from faintrack.targets.states import PlanarState
+        >>> here, east = (PlanarState(*(jnp.array(v) for v in (x, 0.0, 0.0, 0.0))) for x in (0.0, 500.0))
+        >>> sensor = BearingSensor(math.radians(1), 0.9, 5.0)
+        >>> scan = bearing_set(sensor, 0.0, np.array([0.0, 2.0]), here, capacity=3)
+        >>> BearingSetLikelihood(sensor).association(scan, east).round(3).tolist()
+        [0.996, 0.0, 0.0]
+        """
+        missed, each, within = self._terms(scan, states)
+        log_sum = jnp.logaddexp(missed, jax.nn.logsumexp(each, axis=0))
+        share = jnp.where(log_sum > -jnp.inf, jnp.exp(each - log_sum), 0)
+        return jnp.where(within, share, 0).astype(scan.bearing.dtype)
+
+    def _terms(self, scan: BearingSet, states: Any) -> tuple[Array, Array, Array]:
+        """Logs of the terms of the full ratio: of a target that was missed, of each entry; whether in the sector."""
+        sensor = self.sensor
         expected = jnp.arctan2(states.y - scan.observer.y, states.x - scan.observer.x)
         entry = (len(scan.bearing), *(1,) * expected.ndim)
         off = scan.bearing.reshape(entry) - expected
         off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
         log_density = -0.5 * (off / sensor.error) ** 2 - jnp.log(sensor.error * jnp.sqrt(2 * jnp.pi))
-        log_density = jnp.where(scan.there.reshape(entry), log_density, -jnp.inf)
-        log_sum = jax.nn.logsumexp(log_density, axis=0) - jnp.log(sensor.false_per_radian)
-        if self.published:
-            log_sum = log_sum + jnp.log(sensor.false_per_scan / jnp.maximum(scan.there.sum(), 1))
-        else:
-            detected = jnp.asarray(sensor.detection_probability, dtype)
-            log_sum = jnp.logaddexp(jnp.log1p(-detected), jnp.log(detected) + log_sum)
-        return jnp.where(sensor.after_start(expected) <= sensor.width, log_sum, 0).astype(dtype)
+        detected = jnp.asarray(jnp.where(self.published, 1, sensor.detection_probability), scan.bearing.dtype)
+        each = jnp.log(detected) + log_density - jnp.log(sensor.false_per_radian)
+        each = jnp.where(scan.there.reshape(entry), each, -jnp.inf)
+        return jnp.log1p(-detected), each, sensor.after_start(expected) <= sensor.width
+
+
+class ObserversLikelihood(eqx.Module):
+    """Log ratio of what several observers report at one time: the sum of theirs (stone2002, section 2.4.3).
+
+    Attributes
+    ----------
+    each : of every observer; their sensors are alike.
+    """
+
+    each: BearingSetLikelihood
+
+    def log_ratio(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:
+        """Natural log of p(all bearings | target at state) / p(all bearings | no target)."""
+        told = jax.vmap(self.each.log_ratio, in_axes=(0, None))(scan.sets, states)
+        return jnp.where(scan.heard.reshape(-1, *(1,) * (told.ndim - 1)), told, 0).sum(axis=0)
+
+    def association(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:
+        """Probability of every entry to be the target's bearing, shape (observer, entry, *states)."""
+        return jax.vmap(self.each.association, in_axes=(0, None))(scan.sets, states)

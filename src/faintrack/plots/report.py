@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from faintrack.plots.bearing import draw_result
+from faintrack.plots.bearings import draw_bearings
 from faintrack.plots.frames import draw_frames
 from faintrack.plots.returns import draw_returns
 from faintrack.plots.stations import DEVIATIONS, draw_records
@@ -164,6 +165,22 @@ def _about_records(result: Result) -> dict[str, str]:
     }
 
 
+def _about_bearings(result: Result) -> dict[str, str]:
+    data, table = result.data, result.scenario.bearings
+    assert table is not None
+    count = int(np.isfinite(data.heard).sum())
+    sector = "all around" if table.sector_deg is None else "{:g} to {:g} degrees clockwise".format(*table.sector_deg)
+    return {
+        "bearings": data.attrs["source"],
+        "scans": f"{data.sizes['time']}, {data.attrs['scan_interval']:.4g} s apart on average",
+        "first scan": f"{data.attrs['first_scan_time']:g} s; times are from there",
+        "observers": f"{data.sizes['observer']}, with {count / data.sizes['time']:.3g} bearings a scan",
+        "detector": f"error {table.error_deg:g} degrees, detection probability {table.detection_probability:g}, "
+        f"{table.false_per_scan:g} false bearings a scan and observer",
+        "sector": sector,
+    }
+
+
 def _place(data: xr.Dataset, platform: str) -> str:
     """Where a platform is, or from where to where it moves."""
     x, y = (data[f"{platform}_{name}"].values.astype(float) / 1000 for name in "xy")
@@ -179,12 +196,13 @@ def _cell(axis: xr.DataArray) -> str:
 def _position_columns(result: Result) -> tuple[tuple[str, str, str], ...]:
     data = result.data
     names = positions(data)
-    unit = data[names[0]].attrs["units"]
+    units = {name: data[f"{name}_std"].attrs["units"] for name in names}
+    unit = units[names[0]]
     places = [
         (
             f"{name}_{side}",
-            f"{name} at {side} ({data[name].attrs['units']})",
-            "{:.5f}" if data[name].attrs["units"] == "degree" else "{:.1f}",
+            f"{name} at {side} ({units[name]})",
+            "{:.5f}" if units[name] == "degree" else "{:.1f}",
         )
         for side in ("start", "end")
         for name in names
@@ -249,12 +267,20 @@ ABOUT = {
     "frames": _about_sequence,
     "returns": _about_returns,
     "records": _about_records,
+    "bearings": _about_bearings,
 }
 SHOWN = {
     "recording": "Record, existence, SNR",
     "frames": "Frames, existence, position",
     "returns": "Position, velocity, existence, returns",
     "records": "Map, records, detection",
+    "bearings": "Bearings, existence, position",
 }
-DRAW = {"recording": draw_result, "frames": draw_frames, "returns": draw_returns, "records": draw_records}
+DRAW = {
+    "recording": draw_result,
+    "frames": draw_frames,
+    "returns": draw_returns,
+    "records": draw_records,
+    "bearings": draw_bearings,
+}
 """By what was tracked in: facts, heading of the picture, picture."""

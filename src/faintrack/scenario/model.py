@@ -28,7 +28,8 @@ Images, range-time and range-Doppler matrices have `[frames]` in place of `[arra
     [cells]
     levels = [2.0, 5.0, 12.0]    # of the target, over the standard deviation of the background
 
-Returns of an active sonar have `[sonar]` and `[grid]` there:
+Sets of bearings have `[bearings]` there, see `faintrack.scenario.bearings`. Returns of an active sonar have `[sonar]`
+and `[grid]`:
 
 .. code-block:: toml
 
@@ -82,6 +83,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from faintrack.errors import InputError
 from faintrack.scenario.array import ArrayDescription, Pair, Table, problem
+from faintrack.scenario.bearings import BearingsTable
 from faintrack.scenario.sonar import GridTable, SonarTable
 from faintrack.scenario.stations import EnergiesTable, RegionTable, SeveralTable, StationTable
 
@@ -117,10 +119,11 @@ class TargetTable(Table):
     snr_noise_db : random walk of the SNR; dB per root second.
     speed : in frames: new targets move at most this fast along each axis, either way; units of the axis (pixels,
         metres) a second. One cell a frame where not given.
-    velocity_noise : in frames, with a sonar and with stations: density of the acceleration along each axis; units of
-        the axis a second per root second. Where not given, in one frame it changes the way of the next by a tenth of a
-        cell; with a sonar each component of the velocity has in the long run the standard deviation 0.4 `grid.speed`,
-        which is `velocity_noise` times the root of half the relaxation; with stations it is 0.01 `region.speed`.
+    velocity_noise : in frames, with a sonar, bearings or stations: density of the acceleration along each axis; units
+        of the axis a second per root second. Where not given, in one frame it changes the way of the next by a tenth of
+        a cell; with a sonar each component of the velocity has in the long run the standard deviation 0.4 `grid.speed`,
+        which is `velocity_noise` times the root of half the relaxation; with bearings it adds up to a tenth of
+        `bearings.speed` in a minute; with stations it is 0.01 `region.speed`.
     relaxation : with a sonar: time in which a velocity decays to 1/e; s.
     """
 
@@ -323,6 +326,7 @@ class Scenario(Table):
     cells: CellsTable = CellsTable()
     sonar: SonarTable | None = None
     grid: GridTable | None = None
+    bearings: BearingsTable | None = None
     stations: Annotated[tuple[StationTable, ...], Field(strict=False, min_length=1)] | None = None
     region: RegionTable | None = None
     energies: EnergiesTable = EnergiesTable()
@@ -330,7 +334,9 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Scenario":
-        kind = next((name for name in ("stations", "sonar", "frames") if getattr(self, name) is not None), None)
+        kind = next(
+            (name for name in ("stations", "bearings", "sonar", "frames") if getattr(self, name) is not None), None
+        )
         if kind is None:
             if self.filter.kind == "grid":
                 raise ValueError('filter.kind is "grid": expected [frames] with it')
@@ -343,11 +349,18 @@ class Scenario(Table):
             unused |= {"frames": None, "cells": CellsTable()}
         if kind != "sonar":
             unused |= {"sonar": None}
+        if kind == "bearings":
+            unused |= {"grid": None}
         found = [f"[{name}]" for name, default in unused.items() if getattr(self, name) != default]
         if found:
             raise ValueError(f"there are [{kind}] and {found[0]}: expected one of them")
         if self.tracker.method == "cfar":
             raise ValueError(f'tracker.method is "cfar": expected "bernoulli" with [{kind}]')
+        if kind == "bearings" and (self.filter.kind == "grid" or self.target.speed is not None):
+            wrong, right = "target.speed", "bearings.speed"
+            if self.filter.kind == "grid":
+                wrong, right = 'filter.kind "grid"', '"particles"'
+            raise ValueError(f"there is {wrong}: expected {right} with [bearings]")
         return self
 
     @model_validator(mode="after")

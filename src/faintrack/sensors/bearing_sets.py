@@ -8,12 +8,15 @@ number in a scan of the whole sector, `false_per_scan`, so that no density can b
 import math
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from faintrack.errors import InputError
 from faintrack.targets.states import PlanarState
+
+Scalar = Float[Array, ""] | float
 
 
 class BearingSensor(eqx.Module):
@@ -32,9 +35,9 @@ class BearingSensor(eqx.Module):
         is not above 0 or more than a turn.
     """
 
-    error: float
-    detection_probability: float
-    false_per_scan: float
+    error: Scalar
+    detection_probability: Scalar
+    false_per_scan: Scalar
     start: float = eqx.field(static=True, default=-math.pi)
     width: float = eqx.field(static=True, default=2 * math.pi)
 
@@ -46,13 +49,14 @@ class BearingSensor(eqx.Module):
             ("false_per_scan", 0.0, math.inf),
             ("detection_probability", 0.0, 1.0),
         ):
-            value = float(getattr(self, name))
-            if not (low < value <= high and value < math.inf):
+            value = getattr(self, name)
+            # What is traced has no value yet.
+            if not isinstance(value, jax.core.Tracer) and not (low < value <= high and value < math.inf):
                 bounds = "above 0" if high == math.inf else f"above {low:g}, at most {high:g}"
                 raise InputError(f"bearing sensor: {name} is {value:g}; expected {bounds}.")
 
     @property
-    def false_per_radian(self) -> Float[Array, ""] | float:
+    def false_per_radian(self) -> Scalar:
         """Expected number of false bearings in a scan and a radian of the sector."""
         return self.false_per_scan / self.width
 
@@ -77,6 +81,26 @@ class BearingSet(eqx.Module):
     bearing: Float[Array, "*scan entry"]
     there: Bool[Array, "*scan entry"]
     observer: PlanarState
+
+
+class ObserverSets(eqx.Module):
+    """What several observers report at one time, or a stack of that.
+
+    Attributes
+    ----------
+    time : seconds.
+    sets : one an observer; the axis of the observers follows those of `time`.
+    heard : whether an observer reported, if only that it heard nothing.
+    """
+
+    time: Float[Array, "*scan"]
+    sets: BearingSet
+    heard: Bool[Array, "*scan observer"]
+
+    def first(self) -> BearingSet:
+        """Of one time, the set of the first observer that reported."""
+        chosen = jnp.argmax(self.heard)
+        return jax.tree.map(lambda leaf: leaf[chosen], self.sets)
 
 
 def bearing_set(

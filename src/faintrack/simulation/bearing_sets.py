@@ -10,6 +10,9 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
 from faintrack.targets.states import PlanarState
 
+TINY = 2.0**-24
+"""In place of a uniform number that is 0, whose normal one would be infinite."""
+
 
 @eqx.filter_jit
 def draw_bearing_set(
@@ -37,14 +40,16 @@ def draw_bearing_set(
     -------
     The scan, bearings in ascending order from the start of the sector, and how many found no place in it.
     """
-    for_gaps, for_detection, for_error = jax.random.split(key, 3)
+    # All numbers at once: XLA takes a second to compile each draw.
+    for_gaps, for_rest = jnp.split(jax.random.uniform(key, (capacity + 3,)), [capacity + 1])
+    for_detection, for_error = for_rest
     # Arrivals of a Poisson process along the sector, so that their number is Poisson and their places even.
-    places = jnp.cumsum(jax.random.exponential(for_gaps, (capacity + 1,))) / sensor.false_per_radian
+    places = jnp.cumsum(-jnp.log1p(-for_gaps)) / sensor.false_per_radian
     false = places < sensor.width
     true = jnp.arctan2(state.y - observer.y, state.x - observer.x)
     detected = present & (sensor.after_start(true) <= sensor.width)
-    detected = detected & (jax.random.uniform(for_detection) < sensor.detection_probability)
-    measured = sensor.after_start(true + sensor.error * jax.random.normal(for_error))
+    detected = detected & (for_detection < sensor.detection_probability)
+    measured = sensor.after_start(true + sensor.error * jax.scipy.special.ndtri(jnp.maximum(for_error, TINY)))
     # An error may carry a bearing over the edge of the sector: there it is not reported.
     detected = detected & (measured <= sensor.width)
     every = jnp.append(jnp.where(false, places, jnp.inf), jnp.where(detected, measured, jnp.inf))

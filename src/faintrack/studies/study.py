@@ -27,6 +27,7 @@ STUDIES = {
     "aughenbaugh2010": "faintrack.studies.aughenbaugh2010:study",
     "bosser2022": "faintrack.studies.bosser2022:study",
     "davey2008": "faintrack.studies.davey2008:study",
+    "liu2013": "faintrack.studies.liu2013:study",
     "stone2002": "faintrack.studies.stone2002:study",
 }
 """Studies that come with the package: name, and where it is."""

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.belief import Belief, mean, standard_deviation
-from faintrack.filters.run import Filter, Likelihood, step
+from faintrack.filters.run import Filter, Likelihood, Proposal, step
 
 
 class Following(eqx.Module):
@@ -75,14 +75,14 @@ class SingleTargetTracker(eqx.Module):
     filter, likelihood : what carries the belief, and what takes in a scan.
     declare : existence at which a track begins; above `drop`.
     drop : existence of the track below which it ends.
-    guided : whether newborn particles are drawn where the scan points.
+    guided : whether newborn particles are drawn where the scan points, or the function that does it.
     """
 
     filter: Filter
     likelihood: Likelihood
     declare: float = 0.97
     drop: float = 0.3
-    guided: bool = eqx.field(static=True, default=False)
+    guided: bool | Proposal = eqx.field(static=True, default=False)
 
     def init(self, key: PRNGKeyArray) -> Following:
         """State before the first scan."""
