@@ -95,7 +95,7 @@ class BearingSetLikelihood(eqx.Module):
         >>> here, east = (PlanarState(*(jnp.array(v) for v in (x, 0.0, 0.0, 0.0))) for x in (0.0, 500.0))
         >>> sensor = BearingSensor(math.radians(1), 0.9, 5.0)
         >>> scan = bearing_set(sensor, 0.0, np.array([0.0, 2.0]), here, capacity=3)
-        >>> BearingSetLikelihood(sensor).association(scan, east).round(3).tolist()
+        >>> [round(float(each), 3) for each in BearingSetLikelihood(sensor).association(scan, east)]
         [0.996, 0.0, 0.0]
         """
         missed, each, within = self._terms(scan, states)
