@@ -55,6 +55,10 @@ sphinx_gallery_conf = {
             "plot_sea_clutter.py",
             "plot_marine_radar.py",
             "plot_active_sonar.py",
+            "plot_bearings.py",
+            "plot_infrasound_bearings.py",
+            # Those that are not listed yet come last, in their order.
+            "*",
         ]
     ),
     "show_memory": False,

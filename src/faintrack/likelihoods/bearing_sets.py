@@ -80,7 +80,7 @@ class BearingSetLikelihood(eqx.Module):
 
         Returns
         -------
-        Shape (entry, *states); what is left to 1 is the probability that the target was missed.
+        Shape (entry, ...), the states' after the entries'; what is left to 1 is the probability that the target was missed.
 
         Notes
         -----
@@ -133,5 +133,5 @@ class ObserversLikelihood(eqx.Module):
         return jnp.where(scan.heard.reshape(-1, *(1,) * (told.ndim - 1)), told, 0).sum(axis=0)
 
     def association(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:
-        """Probability of every entry to be the target's bearing, shape (observer, entry, *states)."""
+        """Probability of every entry to be the target's bearing, shape (observer, entry, ...)."""
         return jax.vmap(self.each.association, in_axes=(0, None))(scan.sets, states)

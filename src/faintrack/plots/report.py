@@ -196,7 +196,8 @@ def _cell(axis: xr.DataArray) -> str:
 def _position_columns(result: Result) -> tuple[tuple[str, str, str], ...]:
     data = result.data
     names = positions(data)
-    units = {name: data[f"{name}_std"].attrs["units"] for name in names}
+    # The position of several targets has a covariance, that of one a mean and a standard deviation.
+    units = {name: data[name if "slot" in data.sizes else f"{name}_std"].attrs["units"] for name in names}
     unit = units[names[0]]
     places = [
         (
