@@ -80,7 +80,8 @@ class BearingSetLikelihood(eqx.Module):
 
         Returns
         -------
-        Shape (entry, ...), the states' after the entries'; what is left to 1 is the probability that the target was missed.
+        Shape (entry, ...), the states' after the entries'; what is left to 1 is the probability that the target was
+        missed.
 
         Notes
         -----
