@@ -43,7 +43,7 @@ docs: $(MADE)/dev
 
 clean:
 	rm -rf .venv build dist demo docs/_build docs/gallery docs/sg_execution_times.rst
-	rm -rf .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis src/*.egg-info
+	rm -rf .cache .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis src/*.egg-info
 	find src tests docs examples -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # What is installed, one stamp each; a larger set holds the smaller ones.

@@ -1,12 +1,23 @@
-"""Fixtures that more than one file of tests uses."""
+"""Fixtures that more than one file of tests uses, and where compiled programs are kept."""
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 
 from tests.scenes import CIRCLE, LINE, Scene
+
+# What one process has compiled, the others read: processes of a run, workers of a study, and the next run.
+COMPILED = {
+    "jax_compilation_cache_dir": str(Path(__file__).parent.parent / ".cache" / "jax"),
+    "jax_persistent_cache_min_compile_time_secs": 0.1,
+}
+for option, value in COMPILED.items():
+    os.environ[option.upper()] = str(value)
+    jax.config.update(option, value)
 
 
 @pytest.fixture(params=["float32", "float64"])

@@ -14,14 +14,13 @@ but for bins near the ends, and is tabulated over the place within a bin.
 """
 
 import itertools
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.errors import InputError
 from faintrack.sensors.active import ActiveSonar, Ping
@@ -117,45 +116,52 @@ class ExceedanceLikelihood(eqx.Module):
         )
 
     def _returns_at(self, ping: Ping, delay: Real, beam: Real, shift: Real) -> Real:
-        """What the returns add: a cheap look for states that a return is near, then those alone, a block at a time."""
+        """What the returns add: a look for states that a return is near, then those alone, a block at a time."""
         states = jnp.stack([each.ravel() for each in (delay, beam, shift)])
+        before = jnp.floor(states).astype(jnp.int32)
+        close = self._reached(ping)[before[0] + 1, before[1] % self.sonar.beams, before[2] + 1]
         at_once = min(BLOCK, delay.size)
-        close = self._each_return(ping, states, lambda near, response, power: near, jnp.logical_or, False)
         (order,) = jnp.nonzero(close, size=close.size + at_once, fill_value=close.size)
 
         def take_in(block: Int[Array, ""], total: Array) -> Array:
             index = jax.lax.dynamic_slice(order, (block * at_once,), (at_once,))
             here = states[:, jnp.minimum(index, close.size - 1)]
-            told = self._each_return(
-                ping, here, lambda near, response, power: jnp.where(near, self.told(response(), power), 0), jnp.add, 0.0
-            )
-            return total.at[index].set(told, mode="drop")
+            return total.at[index].set(self._all_told(ping, *here), mode="drop")
 
         blocks = -(-close.sum() // at_once)
         return jax.lax.fori_loop(0, blocks, take_in, jnp.zeros_like(states[0])).reshape(delay.shape)
 
-    def _each_return(
-        self,
-        ping: Ping,
-        states: Float[Array, "3 state"],
-        tell: Callable[[Array, Callable[[], Array], Array], Array],
-        join: Callable[[Array, Array], Array],
-        nothing: Any,
-    ) -> Array:
-        """Join what returns tell of states; they come by delay: around a state as many in a row as are within reach."""
+    def _reached(self, ping: Ping) -> Bool[Array, "delay beam shift"]:
+        """Whether a return is within reach between a bin and the next; delay and Doppler begin before the first bin."""
+        sonar = self.sonar
+        counts = sonar.shape[0] + 1, sonar.beams, sonar.shape[2] + 1
+        delay, beam, shift = (
+            ping.bins[:, axis, None] + np.arange(-reach, reach + 1) for axis, reach in enumerate(sonar.reach)
+        )
+        # What is outside gets a number that is dropped; a negative one would count from the end.
+        delay = jnp.where(ping.there[:, None] & (delay >= -1), delay + 1, counts[0])
+        shift = jnp.where(shift >= -1, shift + 1, counts[2])
+        window = delay[:, :, None, None], beam[:, None, :, None] % sonar.beams, shift[:, None, None, :]
+        return jnp.zeros(counts, bool).at[window].set(True, mode="drop")
+
+    def _all_told(self, ping: Ping, delay: Real, beam: Real, shift: Real) -> Real:
+        """Sum of what returns tell; they come by delay: around a state as many in a row as are within reach."""
         sonar = self.sonar
         delays = jnp.where(ping.there, ping.bins[:, 0], jnp.iinfo(jnp.int32).max // 2)
-        first = jnp.searchsorted(delays, jnp.ceil(states[0] - sonar.reach[0]).astype(jnp.int32))
-        last = jnp.searchsorted(delays, jnp.floor(states[0] + sonar.reach[0]).astype(jnp.int32), side="right")
+        first = jnp.searchsorted(delays, jnp.ceil(delay - sonar.reach[0]).astype(jnp.int32))
+        last = jnp.searchsorted(delays, jnp.floor(delay + sonar.reach[0]).astype(jnp.int32), side="right")
 
         def one(number: Int[Array, ""], total: Array) -> Array:
             index = jnp.minimum(first + number, len(delays) - 1)
-            off = states - ping.bins.T[:, index]
-            off = off.at[1].add(-sonar.beams * jnp.round(off[1] / sonar.beams))
-            near = (jnp.abs(off) <= jnp.array(sonar.reach)[:, None]).all(axis=0) & (first + number < last)
-            return join(total, tell(near, lambda: sonar.response(*off), ping.power[index]))
+            bins = ping.bins[index]
+            around = beam - bins[:, 1]
+            off = delay - bins[:, 0], around - sonar.beams * jnp.round(around / sonar.beams), shift - bins[:, 2]
+            near = first + number < last
+            for each, reach in zip(off, sonar.reach, strict=True):
+                near = near & (jnp.abs(each) <= reach)
+            return total + jnp.where(near, self.told(sonar.response(*off), ping.power[index]), 0)
 
-        return jax.lax.fori_loop(0, jnp.max(last - first), one, jnp.full(states.shape[1], nothing))
+        return jax.lax.fori_loop(0, jnp.max(last - first), one, jnp.zeros_like(delay))
 
 
 def quiet_bin(mean: Any, threshold: float) -> Any:
