@@ -27,6 +27,7 @@ STUDIES = {
     "aughenbaugh2010": "faintrack.studies.aughenbaugh2010:study",
     "bosser2022": "faintrack.studies.bosser2022:study",
     "davey2008": "faintrack.studies.davey2008:study",
+    "kreucher2011": "faintrack.studies.kreucher2011:study",
     "liu2013": "faintrack.studies.liu2013:study",
     "stone2002": "faintrack.studies.stone2002:study",
 }
@@ -179,7 +180,7 @@ def run_batch(where: str, setting_name: str, seed: int, first: int) -> dict[str,
     setting = load(where).setting(setting_name)
     keys = jax.vmap(lambda run: address(seed, setting.address or setting.name, run))(first + np.arange(setting.batch))
     parameters = {name: np.float32(value) for name, value in setting.parameters.items()}
-    return {name: np.asarray(values) for name, values in _batched(setting.run)(keys, parameters).items()}
+    return {name: np.asarray(values) for name, values in _batched(setting.run, setting.batch)(keys, parameters).items()}
 
 
 def repeat(where: str, setting_name: str, run: int, seed: int = 0) -> dict[str, np.ndarray]:
@@ -190,7 +191,10 @@ def repeat(where: str, setting_name: str, run: int, seed: int = 0) -> dict[str, 
 
 
 @functools.cache
-def _batched(run: Callable[..., dict[str, Array]]) -> Callable[..., dict[str, Array]]:
+def _batched(run: Callable[..., dict[str, Array]], batch: int) -> Callable[..., dict[str, Array]]:
+    if batch == 1:
+        # Mapped over an axis, `jax.lax.cond` takes both branches; a run alone need not.
+        return jax.jit(lambda keys, parameters: jax.lax.map(lambda key: run(key, **parameters), keys))
     return jax.jit(jax.vmap(lambda key, parameters: run(key, **parameters), in_axes=(0, None)))
 
 
