@@ -146,7 +146,7 @@ def main() -> None:
     tracker = plan_tracker(fans)
     _, estimate = tracker.steps(tracker.init(jax.random.key(0)), scans, jax.random.key(1))
     found = jax.tree.map(np.asarray, estimate)
-    truth = np.array([[np.interp(time, np.arange(len(path)), path[:, i]) for i in range(2)] for path in inside])
+    truth = np.array([np.stack([np.interp(time, np.arange(len(path)), each) for each in path.T], 1) for path in inside])
     numbers = summary(found, truth, energy, scans, fans)
     print(json.dumps(numbers, indent=1))
     options.out.mkdir(parents=True, exist_ok=True)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -39,7 +40,7 @@ def figures(results: Results, folder: Path) -> list[Path]:
             drawn.append(save(folder, name, panels(data.isel(run=0)), columns))
     found = [panel for part in (_levels, _crowds, _side_by_side) for panel in part(results)]
     if found:
-        drawn.append(save(folder, "beyond", found, 3))
+        drawn.append(save(folder, "beyond", found, min(len(found), 3)))
     return drawn
 
 
@@ -102,7 +103,9 @@ def _synthetic(data: xr.Dataset) -> list[Panel]:
     _, scans, _ = jax.jit(runs.drawn)(address(0, "synthetic", 0), scene.LEVEL)
     energy = np.asarray(scans.energy)
     stations = jax.tree.map(lambda values: values[0], scans.stations)
-    bearing = np.degrees(scene.FANS.bearings(stations, PlanarState(*tracks.place.transpose(2, 0, 1), 0.0, 0.0)))
+    x, y = jnp.asarray(tracks.place.transpose(2, 0, 1), jnp.float32)
+    still = jnp.zeros_like(x)
+    bearing = np.degrees(scene.FANS.bearings(stations, PlanarState(x, y, still, still)))
 
     def record(axis: Axes, array: int, over: bool) -> None:
         picture = axis.imshow(
@@ -160,7 +163,8 @@ def _statistics(axis: Axes, data: xr.Dataset) -> None:
 def _labelled(tracks: Tracks) -> list[tuple[int, np.ndarray, np.ndarray]]:
     """Label, scans and slots of each track."""
     labels = np.unique(tracks.label[tracks.label > 0])
-    return [(int(label), *np.nonzero(tracks.label == label)) for label in labels]
+    where = ((int(label), np.nonzero(tracks.label == label)) for label in labels)
+    return [(label, scan, slot) for label, (scan, slot) in where]
 
 
 def _colour(label: int) -> str:

@@ -17,6 +17,7 @@ from faintrack.sensors.stations import EnergyScan
 from faintrack.studies.kreucher2011 import scene
 from faintrack.studies.kreucher2011.triangulation import crossing, filtered, measured_bearings, true_bearings
 from faintrack.targets.states import PlanarState
+from faintrack.trackers.joint import Followed
 from faintrack.trackers.several import SeveralTargetsTracker, Watching
 
 Run = Callable[..., dict[str, Array]]
@@ -83,9 +84,8 @@ def close_pass(separate: bool) -> Run:
         truth = scene.truth(for_truth)
         truth = jax.tree.map(lambda values: values[:, jnp.array(scene.CLOSE)], truth)
         scans = scene.scans(for_scans, truth, level)
-        later = jax.tree.map(lambda values: values[FROM:], (truth, scans))
-        start = jax.tree.map(lambda values: values[FROM - 1], truth)
-        return near_the_truth(for_tracker, scene.tracker(level, separate, scene.COARSE, slots=2), start, *later)
+        tracker = scene.tracker(level, separate, scene.COARSE, slots=2)
+        return near_the_truth(for_tracker, tracker, truth, scans, begin=FROM)
 
     return run
 
@@ -98,10 +98,8 @@ def kept(separate: bool) -> Run:
         for_scans, for_tracker = jax.random.split(key)
         truth = scene.side_by_side(beams)
         scans = scene.scans(for_scans, truth)
-        later = jax.tree.map(lambda values: values[1:], (truth, scans))
-        start = jax.tree.map(lambda values: values[0], truth)
         tracker = scene.tracker(separate=separate, speed=scene.COARSE, slots=2)
-        return near_the_truth(for_tracker, tracker, start, *later, begin=1.0)
+        return near_the_truth(for_tracker, tracker, truth, scans, begin=1)
 
     return run
 
@@ -144,18 +142,15 @@ def four(key: PRNGKeyArray) -> dict[str, Array]:
 
 
 def near_the_truth(
-    key: PRNGKeyArray,
-    tracker: SeveralTargetsTracker,
-    start: PlanarState,
-    truth: PlanarState,
-    scans: EnergyScan,
-    begin: float = float(FROM),
+    key: PRNGKeyArray, tracker: SeveralTargetsTracker, truth: PlanarState, scans: EnergyScan, begin: int
 ) -> dict[str, Array]:
-    """Existence and estimates of declared trackers that start near the truth."""
+    """Existence and estimates after scan `begin`, counted from 1, of declared trackers that start near the truth."""
     trackers = tracker.trackers
     for_start, for_steps = jax.random.split(key)
-    followed = trackers.init(start, begin)
-    spread = PlanarState(NEAR[0], NEAR[0], NEAR[1], NEAR[1])
+    start = jax.tree.map(lambda values: values[begin - 1], truth)
+    truth, scans = jax.tree.map(lambda values: values[begin:], (truth, scans))
+    spread = PlanarState(*jnp.array([NEAR[0], NEAR[0], NEAR[1], NEAR[1]]))
+    followed = trackers.init(start, float(begin))
     for target in range(trackers.slots):
         keys = PlanarState(*jax.random.split(jax.random.fold_in(for_start, target), 4))
         cloud = jax.tree.map(
@@ -166,7 +161,7 @@ def near_the_truth(
         )
         followed = trackers.take(followed, cloud, jnp.asarray(SURE))
 
-    def step(followed: Any, item: tuple[EnergyScan, PRNGKeyArray]) -> tuple[Any, tuple[Array, ...]]:
+    def step(followed: Followed, item: tuple[EnergyScan, PRNGKeyArray]) -> tuple[Followed, tuple[Array, ...]]:
         after = trackers.step(followed, item[0], followed.active, item[1])
         active = followed.active & (after.beliefs.existence >= tracker.drop)
         after = dataclasses.replace(after, active=active)
@@ -174,8 +169,8 @@ def near_the_truth(
         joint = active & (jnp.sum(after.joint & active, axis=1) > 1)
         return after, (active, middle.x, middle.y, joint)
 
-    keys = jax.random.split(for_steps, scans.time.shape[0])
-    _, (active, x, y, joint) = jax.lax.scan(step, followed, (scans, keys))
+    every = jax.random.split(for_steps, scans.time.shape[0])
+    _, (active, x, y, joint) = jax.lax.scan(step, followed, (scans, every))
     return {"active": active, "x": x, "y": y, "joint": joint, **truth_of(truth)}
 
 

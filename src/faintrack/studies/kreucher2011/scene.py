@@ -70,8 +70,8 @@ ARRIVAL, DEPARTURE = 1e-4, 1e-3
 """Of targets; per second."""
 
 HOLD = 10
-"""Scans for which a target is tentative: time for others to be handed over and weighed against a crossing of beams that
-came first. With 5 about one run in four declares one, and is blind to the targets whose beams it takes."""
+"""Scans for which a target is tentative: time for others to be handed over, and weighed against a crossing of beams
+that came first. One that is declared blinds the detectors to the targets whose beams it takes."""
 
 DEGREE = math.radians(1)
 
@@ -85,7 +85,7 @@ def stations() -> Stations:
 
 def likelihood(level: Array | float = LEVEL) -> BeamEnergies:
     """Of beams with unit noise."""
-    return BeamEnergies(FANS, present_mean=level)
+    return BeamEnergies(FANS, present_mean=jnp.reshape(jnp.asarray(level, float), (1,)))
 
 
 def tracker(
