@@ -28,7 +28,7 @@ from faintrack.sensors.active import ActiveSonar, Ping
 NODES = 8
 """Places within a bin at which the sum over quiet bins is tabulated; straight lines in between."""
 
-BLOCK = 4096
+BLOCK = 1024
 """States near a return that are taken at a time."""
 
 Real = Float[Array, "..."]
@@ -117,10 +117,20 @@ class ExceedanceLikelihood(eqx.Module):
 
     def _returns_at(self, ping: Ping, delay: Real, beam: Real, shift: Real) -> Real:
         """What the returns add: a look for states that a return is near, then those alone, a block at a time."""
-        states = jnp.stack([each.ravel() for each in (delay, beam, shift)])
+        arrays, others = eqx.partition(self, eqx.is_array)
+
+        # Side by side, runs would wait for the one with the most states near returns, and pass over no return.
+        @jax.custom_batching.sequential_vmap
+        def told(arrays: ExceedanceLikelihood, ping: Ping, states: Float[Array, "3 state"]) -> Float[Array, " state"]:
+            return eqx.combine(arrays, others)._told_of(ping, states)
+
+        return told(arrays, ping, jnp.stack([each.ravel() for each in (delay, beam, shift)])).reshape(delay.shape)
+
+    def _told_of(self, ping: Ping, states: Float[Array, "3 state"]) -> Float[Array, " state"]:
+        """`_returns_at`, of one ping."""
         before = jnp.floor(states).astype(jnp.int32)
         close = self._reached(ping)[before[0] + 1, before[1] % self.sonar.beams, before[2] + 1]
-        at_once = min(BLOCK, delay.size)
+        at_once = min(BLOCK, close.size)
         (order,) = jnp.nonzero(close, size=close.size + at_once, fill_value=close.size)
 
         def take_in(block: Int[Array, ""], total: Array) -> Array:
@@ -129,7 +139,7 @@ class ExceedanceLikelihood(eqx.Module):
             return total.at[index].set(self._all_told(ping, *here), mode="drop")
 
         blocks = -(-close.sum() // at_once)
-        return jax.lax.fori_loop(0, blocks, take_in, jnp.zeros_like(states[0])).reshape(delay.shape)
+        return jax.lax.fori_loop(0, blocks, take_in, jnp.zeros_like(states[0]))
 
     def _reached(self, ping: Ping) -> Bool[Array, "delay beam shift"]:
         """Whether a return is within reach between a bin and the next; delay and Doppler begin before the first bin."""
@@ -145,23 +155,22 @@ class ExceedanceLikelihood(eqx.Module):
         return jnp.zeros(counts, bool).at[window].set(True, mode="drop")
 
     def _all_told(self, ping: Ping, delay: Real, beam: Real, shift: Real) -> Real:
-        """Sum of what returns tell; they come by delay: around a state as many in a row as are within reach."""
+        """Sum of what returns tell, one by one; those in reach of no state are passed over."""
         sonar = self.sonar
         delays = jnp.where(ping.there, ping.bins[:, 0], jnp.iinfo(jnp.int32).max // 2)
-        first = jnp.searchsorted(delays, jnp.ceil(delay - sonar.reach[0]).astype(jnp.int32))
-        last = jnp.searchsorted(delays, jnp.floor(delay + sonar.reach[0]).astype(jnp.int32), side="right")
+        ends = jnp.stack([jnp.ceil(delay.min() - sonar.reach[0]), jnp.floor(delay.max() + sonar.reach[0]) + 1])
+        first, last = jnp.searchsorted(delays, ends.astype(jnp.int32))
 
         def one(number: Int[Array, ""], total: Array) -> Array:
-            index = jnp.minimum(first + number, len(delays) - 1)
-            bins = ping.bins[index]
-            around = beam - bins[:, 1]
-            off = delay - bins[:, 0], around - sonar.beams * jnp.round(around / sonar.beams), shift - bins[:, 2]
-            near = first + number < last
-            for each, reach in zip(off, sonar.reach, strict=True):
-                near = near & (jnp.abs(each) <= reach)
-            return total + jnp.where(near, self.told(sonar.response(*off), ping.power[index]), 0)
+            place, power = ping.bins[number], ping.power[number]
+            around = beam - place[1]
+            off = delay - place[0], around - sonar.beams * jnp.round(around / sonar.beams), shift - place[2]
+            near = jnp.stack([jnp.abs(each) <= reach for each, reach in zip(off, sonar.reach, strict=True)]).all(axis=0)
+            return jax.lax.cond(
+                near.any(), lambda: total + jnp.where(near, self.told(sonar.response(*off), power), 0), lambda: total
+            )
 
-        return jax.lax.fori_loop(0, jnp.max(last - first), one, jnp.zeros_like(delay))
+        return jax.lax.fori_loop(first, last, one, jnp.zeros_like(delay))
 
 
 def quiet_bin(mean: Any, threshold: float) -> Any:
