@@ -56,11 +56,13 @@ class Followed(eqx.Module):
     beliefs : of every slot, stacked; states and weights have the shape (slot, particle).
     active : slots that hold a target.
     joint : whether two slots were updated together in the last scan.
+    log_evidence : of the last scan for each target, given all others; nat.
     """
 
     beliefs: Beliefs
     active: Bool[Array, " slot"]
     joint: Bool[Array, "slot slot"]
+    log_evidence: Float[Array, " slot"]
 
 
 class JointTrackers(eqx.Module):
@@ -96,7 +98,8 @@ class JointTrackers(eqx.Module):
             jnp.full(self.slots, -jnp.inf, like.dtype),
             jnp.asarray(time, like.dtype),
         )
-        return Followed(beliefs, jnp.zeros(self.slots, bool), jnp.eye(self.slots, dtype=bool))
+        nothing = jnp.zeros(self.slots, like.dtype)
+        return Followed(beliefs, jnp.zeros(self.slots, bool), jnp.eye(self.slots, dtype=bool), nothing)
 
     def step(self, followed: Followed, scan: EnergyScan, declared: Bool[Array, " slot"], key: PRNGKeyArray) -> Followed:
         """Carry all targets forward to a scan and take it in (the module's equations).
@@ -129,7 +132,9 @@ class JointTrackers(eqx.Module):
             return predicted.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
 
         whether, where = updated(exists), updated(explains)
-        return Followed(dataclasses.replace(where, log_odds=whether.log_odds), followed.active, joint)
+        log_evidence = jnp.where(followed.active, whether.log_odds - predicted.log_odds, 0)
+        carried = dataclasses.replace(where, log_odds=whether.log_odds)
+        return Followed(carried, followed.active, joint, log_evidence)
 
     def take(self, followed: Followed, states: Any, log_odds: Float[Array, ""]) -> Followed:
         """Put a target into the first free slot, of which there is one; `states` has as many entries as particles."""
@@ -144,7 +149,7 @@ class JointTrackers(eqx.Module):
             old.time,
         )
         joint = (followed.joint & ~mine[:, None] & ~mine[None, :]) | jnp.eye(self.slots, dtype=bool)
-        return Followed(beliefs, followed.active | mine, joint)
+        return Followed(beliefs, followed.active | mine, joint, followed.log_evidence)
 
     def middles(self, followed: Followed) -> Any:
         """Mean state of every slot."""

@@ -11,6 +11,11 @@ declared a ghost looks like one, and may be handed over; but once both of its ta
 explained without it, and it dies. So a target that has been handed over is tentative: it is declared, and labelled,
 when its existence has stayed above a threshold for some scans. It is dropped when its existence falls below a lower
 one.
+
+Where only one target of a ghost is in hand, one of its beams speaks for the ghost and the other against it: its
+existence wanders, and may stay high by chance. Evidence that adds up to nothing is no target, so some has to be
+**gathered** since the hand-over: the sum of the log evidence, begun anew whenever it falls below zero, which wanders to
+30 nats in tens of scans where a target of three standard deviations gathers nine in each.
 """
 
 import dataclasses
@@ -44,6 +49,7 @@ class Watching(eqx.Module):
     beliefs : of the detectors, stacked.
     followed : targets in hand.
     sure : scans in a row in which each slot's existence was high enough to be declared.
+    gathered : log evidence for each slot's target since it was handed over, or was last without any; nat.
     label : of each slot, 0 where it is not declared.
     labels : given so far.
     scans : taken in so far.
@@ -52,6 +58,7 @@ class Watching(eqx.Module):
     beliefs: Beliefs
     followed: Followed
     sure: Int[Array, " slot"]
+    gathered: Float[Array, " slot"]
     label: Int[Array, " slot"]
     labels: Int[Array, ""]
     scans: Int[Array, ""]
@@ -92,6 +99,7 @@ class SeveralTargetsTracker(eqx.Module):
     declare : existence at which a target is declared, when it has lasted for `hold` scans.
     drop : existence below which a target is given up.
     hold : scans that a target is tentative.
+    gather : log evidence without which it is not declared; nat.
     margin : beams around those of a target that it explains.
     """
 
@@ -101,6 +109,7 @@ class SeveralTargetsTracker(eqx.Module):
     declare: float = 0.99
     drop: float = 0.1
     hold: int = 5
+    gather: float = 30.0
     margin: int = eqx.field(static=True, default=1)
 
     def init(self, key: PRNGKeyArray) -> Watching:
@@ -109,7 +118,7 @@ class SeveralTargetsTracker(eqx.Module):
         none = jnp.zeros(slots, jnp.int32)
         beliefs = self.detectors.init(key)
         followed = self.trackers.init(self.detectors.filter.grid.states(beliefs.log_weights.dtype))
-        return Watching(beliefs, followed, none, none, jnp.array(0), jnp.array(0))
+        return Watching(beliefs, followed, none, followed.log_evidence, none, jnp.array(0), jnp.array(0))
 
     def step(self, watching: Watching, scan: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
         """Take in one scan. `key` is that of the whole record; each scan makes its own from it."""
@@ -119,7 +128,9 @@ class SeveralTargetsTracker(eqx.Module):
         followed = dataclasses.replace(followed, active=kept)
         sure = jnp.where(kept & (followed.beliefs.existence >= self.declare), watching.sure + 1, 0)
         old = kept & (watching.label > 0)
-        new = kept & ~old & (sure >= self.hold)
+        gathered = jnp.where(watching.followed.active, watching.gathered, 0)
+        gathered = jnp.where(kept, jnp.maximum(gathered + followed.log_evidence, 0), 0)
+        new = kept & ~old & (sure >= self.hold) & (gathered >= self.gather)
         label = jnp.where(old, watching.label, jnp.where(new, watching.labels + jnp.cumsum(new), 0)).astype(jnp.int32)
         middles = self.trackers.middles(followed)
 
@@ -147,7 +158,7 @@ class SeveralTargetsTracker(eqx.Module):
         wanted = found & ~jnp.all(kept)
         beliefs, followed = jax.lax.cond(wanted, hand_over, lambda *same: same, beliefs, followed)
         labels = watching.labels + new.sum()
-        return Watching(beliefs, followed, sure, label, labels, watching.scans + 1), estimate
+        return Watching(beliefs, followed, sure, gathered, label, labels, watching.scans + 1), estimate
 
     @eqx.filter_jit
     def steps(self, watching: Watching, scans: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
