@@ -11,6 +11,7 @@ import itertools
 import logging
 import os
 import tempfile
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,6 +50,8 @@ def connect(workers: int | None = None, scheduler: str | None = None) -> Iterato
 
     for name in ("distributed", "tornado", "asyncio"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
+    # A scheduler that is ended in the middle says so for everything it had begun.
+    warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=PATIENCE)
