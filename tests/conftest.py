@@ -13,8 +13,11 @@ from tests.scenes import CIRCLE, LINE, Scene
 # What one process has compiled, the others read: processes of a run, workers of a study, and the next run.
 COMPILED = {
     "jax_compilation_cache_dir": str(Path(__file__).parent.parent / ".cache" / "jax"),
-    "jax_persistent_cache_min_compile_time_secs": 0.1,
+    "jax_persistent_cache_min_compile_time_secs": 0.0,
 }
+# Most of the suite's time goes into compiling what runs for a moment: half of it, for slower code.
+QUICKLY_COMPILED = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+os.environ["XLA_FLAGS"] = f"{QUICKLY_COMPILED} {os.environ.get('XLA_FLAGS', '')}"
 for option, value in COMPILED.items():
     os.environ[option.upper()] = str(value)
     jax.config.update(option, value)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.bench import ROWS, Row, Sizes, run
+from faintrack.bench import ROWS, Sizes, run
 from faintrack.bench.acoular_peer import FAR, acoular_beam_power
 from faintrack.bench.beam_problem import SNAPSHOTS, draw_frames, plan_of
 from faintrack.bench.bernoulli import problem, stone_soup_step
@@ -46,30 +46,25 @@ TINY = Sizes(
 )
 
 
-@pytest.fixture(scope="module")
-def rows() -> list[Row]:
-    return run(sizes=TINY)
+QUICK = {"beam_power_numpy", "bernoulli_step_single", "implicit_step_4d", "pixel_frame", "several_synthetic"}
+"""One row of each kind; to start all of them takes minutes."""
 
 
-def test_every_row_is_there(rows: list[Row]) -> None:
-    assert [row.name for row in rows] == list(ROWS)
-
-
-@pytest.mark.parametrize("name", ROWS)
-def test_a_row_is_finite_and_positive(rows: list[Row], name: str) -> None:
-    (row,) = (row for row in rows if row.name == name)
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in ROWS]
+)
+def test_a_row_is_finite_and_positive(name: str) -> None:
+    (row,) = run([name], TINY)
+    assert row.name == name
     assert row.unit in ("s", "ms")
     assert row.note
     assert row.median >= row.ours
     numbers = (row.ours, row.peer, row.ratio, row.limit, row.target)
     assert all(math.isfinite(value) and value > 0 for value in numbers if value is not None)
     assert row.compile_seconds is None or row.compile_seconds >= 0
-
-
-def test_a_row_goes_through_json(rows: list[Row]) -> None:
-    fields = json.loads(json.dumps(rows[0].as_dict()))
+    fields = json.loads(json.dumps(row.as_dict()))
     assert {"name", "unit", "ours", "peer", "ratio", "limit", "compile_seconds", "note"} <= set(fields)
-    assert fields["ratio"] == fields["peer"] / fields["ours"]
+    assert row.peer is None or fields["ratio"] == row.peer / row.ours
 
 
 def test_without_its_peer_a_row_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

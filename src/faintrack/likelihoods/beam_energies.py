@@ -111,6 +111,7 @@ class BeamEnergies(eqx.Module):
         ratio = jnp.where(scan.usable[:, :, None], log_density - log_density[:, :, :1], 0)
         return jnp.pad(ratio, ((0, 0), (0, 1), (0, 0)))
 
+    @eqx.filter_jit
     def log_ratio(self, scan: EnergyScan, states: Any) -> Float[Array, "..."]:
         """Natural log of p(energies | target at state) / p(energies | no target); eq. 15.
 

@@ -56,6 +56,7 @@ class BearingSetLikelihood(eqx.Module):
     sensor: BearingSensor
     published: bool | Bool[Array, ""] = False
 
+    @eqx.filter_jit
     def log_ratio(self, scan: BearingSet, states: Any) -> Float[Array, "..."]:
         """Natural log of p(bearings | target at state) / p(bearings | no target); 0 outside the sector.
 
@@ -128,6 +129,7 @@ class ObserversLikelihood(eqx.Module):
 
     each: BearingSetLikelihood
 
+    @eqx.filter_jit
     def log_ratio(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:
         """Natural log of p(all bearings | target at state) / p(all bearings | no target)."""
         told = jax.vmap(self.each.log_ratio, in_axes=(0, None))(scan.sets, states)

@@ -302,6 +302,7 @@ class CellLikelihood(eqx.Module):
         order = [axis for pair in range(dimensions) for axis in (dimensions + pair, pair)]
         return parts.transpose(order).reshape(self.places.shape)
 
+    @eqx.filter_jit
     def log_ratio(self, scan: CellScan, states: object) -> Float[Array, "..."]:
         """Natural log of p(scan | target at state) / p(scan | no target).
 

@@ -96,6 +96,7 @@ class ClutterLikelihood(eqx.Module):
         """Log ratio of a target in every cell."""
         return lomax(scan.values, scan.level, self.measure(scan.level, self.target))
 
+    @eqx.filter_jit
     def log_ratio(self, scan: ClutterScan, states: object) -> Float[Array, "..."]:
         """Natural log of p(scan | target at state) / p(scan | no target); 0 for a state outside all cells."""
         place, inside = self.cells.nearest(states)

@@ -76,6 +76,7 @@ class GaussianContact(eqx.Module):
         if not all(low < high for low, high in zip(self.low, self.high, strict=True)):
             raise InputError(f"contact of {', '.join(self.names)}: low {self.low} is not below high {self.high}.")
 
+    @eqx.filter_jit
     def log_ratio(self, contact: Contact, states: Any) -> Float[Array, "..."]:
         """Natural log of p(contact | target at state) / p(contact | no target); the class's equation."""
         chosen = jnp.stack(jnp.broadcast_arrays(*(getattr(states, name) for name in self.names)))
@@ -125,6 +126,7 @@ class BearingContact(eqx.Module):
         if isinstance(self.error, float) and not self.error > 0:
             raise InputError(f"bearing contact: error is {self.error:g}; expected above 0.")
 
+    @eqx.filter_jit
     def log_ratio(self, contact: Contact, states: PlanarState) -> Float[Array, "..."]:
         """Natural log of p(contact | target at state) / p(contact | no target); the class's equation."""
         off = contact.value - self._bearing(states)
@@ -176,6 +178,7 @@ class RangeDetection(eqx.Module):
     detection_probability: Probability = eqx.field(static=True)
     false_alarm_probability: Float[Array, ""] | float
 
+    @eqx.filter_jit
     def log_ratio(self, contact: Contact, states: PlanarState) -> Float[Array, "..."]:
         """Natural log of p(contact | target at state) / p(contact | no target); the class's equation."""
         probability, false = self._probability(states), self.false_alarm_probability
@@ -244,6 +247,7 @@ class Together(eqx.Module):
 
     likelihoods: tuple[Any, ...]
 
+    @eqx.filter_jit
     def log_ratio(self, scans: tuple[Any, ...], states: Any) -> Float[Array, "..."]:
         """Natural log of p(scans | target at state) / p(scans | no target), one scan a likelihood in their order."""
         told = [each.log_ratio(scan, states) for each, scan in zip(self.likelihoods, scans, strict=True)]

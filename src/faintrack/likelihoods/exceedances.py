@@ -78,6 +78,7 @@ class ExceedanceLikelihood(eqx.Module):
         self.threshold = float(threshold)
         self.quiet = quiet_table(sonar, snr, threshold, (NODES, NODES, NODES))
 
+    @eqx.filter_jit
     def log_ratio(self, ping: Ping, states: Any) -> Real:
         """Natural log of p(returns | target at state) / p(returns | no target); 0 where it cannot be heard.
 

@@ -132,6 +132,7 @@ class Guided(eqx.Module):
         if sonar.pair is not None:
             self.cover = eqx.filter_jit(_cover)(self.mesh, self.quiet, sonar.pair)
 
+    @eqx.filter_jit
     def log_ratio(self, ping: Ping, states: Any = None) -> Float[Array, "..."]:
         """Log of the mean ratio of every cell, shape of the grid, 1 along axes that do not matter.
 
@@ -192,6 +193,7 @@ class Guided(eqx.Module):
         )
         return mesh.on_grid(means)
 
+    @eqx.filter_jit
     def samples(self, ping: Ping) -> Int[Array, ""]:
         """Number of mesh points at which the ratio of a ping is taken."""
         return self._near(ping).used.sum()

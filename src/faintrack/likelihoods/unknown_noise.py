@@ -75,6 +75,7 @@ class UnknownNoise(eqx.Module):
         table = -jnp.sum(heard) * jnp.log1p(gain) - scan.channels * logs
         return jnp.where(scan.channels >= 2, self.grid.snapshots * table, 0)
 
+    @eqx.filter_jit
     def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
         r"""Natural log of p(scan | source at state) / p(scan | no source).
 

@@ -176,7 +176,8 @@ class ActiveSonar(eqx.Module):
     def tabled(self, delay: np.ndarray, beam: np.ndarray, doppler: np.ndarray) -> Float[np.ndarray, "..."]:
         """`response` at fixed offsets as plain numbers, also while something is being traced."""
         with jax.ensure_compile_time_eval():
-            return np.asarray(self.response(jnp.asarray(delay), jnp.asarray(beam), jnp.asarray(doppler)), float)
+            offsets = jnp.asarray(delay), jnp.asarray(beam), jnp.asarray(doppler)
+            return np.asarray(eqx.filter_jit(ActiveSonar.response)(self, *offsets), float)
 
 
 class Ping(eqx.Module):

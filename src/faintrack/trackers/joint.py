@@ -101,6 +101,7 @@ class JointTrackers(eqx.Module):
         nothing = jnp.zeros(self.slots, like.dtype)
         return Followed(beliefs, jnp.zeros(self.slots, bool), jnp.eye(self.slots, dtype=bool), nothing)
 
+    @eqx.filter_jit
     def step(self, followed: Followed, scan: EnergyScan, declared: Bool[Array, " slot"], key: PRNGKeyArray) -> Followed:
         """Carry all targets forward to a scan and take it in (the module's equations).
 
