@@ -12,6 +12,7 @@ are drawn by the thousand in every step; it knows no other distribution.
 """
 
 import math
+from functools import partial
 from typing import Any
 
 import jax
@@ -26,6 +27,7 @@ PARITY = 0x1BD11BDA
 """What the third word of the key is made with."""
 
 
+@partial(jax.jit, static_argnames=("shape", "dtype"))
 def uniform(key: PRNGKeyArray, shape: tuple[int, ...], dtype: Any = jnp.float32) -> Float[Array, "..."]:
     """Uniform numbers from 0 to below 1.
 
@@ -47,6 +49,7 @@ def uniform(key: PRNGKeyArray, shape: tuple[int, ...], dtype: Any = jnp.float32)
     return jnp.concatenate([_unit(first), _unit(second)])[:size].reshape(shape)
 
 
+@partial(jax.jit, static_argnames=("shape", "dtype"))
 def normal(key: PRNGKeyArray, shape: tuple[int, ...], dtype: Any = jnp.float32) -> Float[Array, "..."]:
     """Normal numbers of mean 0 and variance 1; parameters as in `uniform`.
 
@@ -62,6 +65,7 @@ def normal(key: PRNGKeyArray, shape: tuple[int, ...], dtype: Any = jnp.float32) 
     return jnp.concatenate([pairs.real, pairs.imag])[:size].reshape(shape)
 
 
+@partial(jax.jit, static_argnames=("count", "dtype"))
 def normal_pairs(key: PRNGKeyArray, count: int, dtype: Any = jnp.float32) -> Complex[Array, " count"]:
     """Pairs of normal numbers as real and imaginary part, each of variance 1; `dtype` is that of the parts.
 
@@ -76,6 +80,7 @@ def normal_pairs(key: PRNGKeyArray, count: int, dtype: Any = jnp.float32) -> Com
     return jax.lax.complex(size * cosine, size * sine)
 
 
+@partial(jax.jit, static_argnames="count")
 def words(key: PRNGKeyArray, count: int) -> tuple[UInt32[Array, " count"], UInt32[Array, " count"]]:
     """Two random words for each of the counters 0, 1, ... under a key: Threefry of 2 words and 20 rounds.
 

@@ -5,10 +5,12 @@ XLA takes the sine of one number at a time; polynomials on an eighth of a turn i
 them is the sine and with which sign. Double precision has XLA's own.
 """
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
+@jax.jit
 def sine_cosine(angle: Float[Array, "*points"]) -> tuple[Float[Array, "*points"], Float[Array, "*points"]]:
     """Sine and cosine of angles in radians; float32 adds an error of 1e-7 of the angle.
 

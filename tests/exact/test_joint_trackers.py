@@ -100,7 +100,7 @@ def test_proposals_stand_for_plain_motion() -> None:
     here = EnergyScan(jnp.array(1.0), scan(5).energy / 2, jnp.ones((2, 37), bool), STATIONS)
 
     def repeated(proposals: int) -> np.ndarray:
-        trackers = JointTrackers(moving, quiet, slots=2, particles=2048, proposals=proposals)
+        trackers = JointTrackers(moving, quiet, slots=2, particles=512, proposals=proposals)
         followed = held(trackers, [(10.0, 10.0), (60.0, 10.0)], [0.9, 0.9], 30.0)
 
         def once(key: jax.Array) -> jax.Array:

@@ -86,6 +86,7 @@ class ExistenceParticleFilter(eqx.Module):
     scarce: float = 0.5
     resample: Resample = eqx.field(static=True, default=systematic)
 
+    @eqx.filter_jit
     def init(self, key: PRNGKeyArray, time: float = 0.0, existence: float = 0.0) -> Belief:
         """Belief before any scan: each particle has a target with the probability of existence."""
         for_state, for_bit = jax.random.split(key)

@@ -41,6 +41,7 @@ Proposal = Callable[..., tuple[Any, Array]]
 """Function of (likelihood, scan, birth, key, count) to newborn states and their log weights: `guide`, or its like."""
 
 
+@eqx.filter_jit
 def step(
     filter: Filter,
     likelihood: Likelihood,

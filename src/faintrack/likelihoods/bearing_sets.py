@@ -71,6 +71,7 @@ class BearingSetLikelihood(eqx.Module):
         log_sum = log_sum - jnp.where(self.published, crowding, 0)
         return jnp.where(within, log_sum, 0).astype(scan.bearing.dtype)
 
+    @eqx.filter_jit
     def association(self, scan: BearingSet, states: Any) -> Float[Array, "..."]:
         r"""Probability of every entry to be the target's bearing, if there is a target at the state.
 
@@ -135,6 +136,7 @@ class ObserversLikelihood(eqx.Module):
         told = jax.vmap(self.each.log_ratio, in_axes=(0, None))(scan.sets, states)
         return jnp.where(scan.heard.reshape(-1, *(1,) * (told.ndim - 1)), told, 0).sum(axis=0)
 
+    @eqx.filter_jit
     def association(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:
         """Probability of every entry to be the target's bearing, shape (observer, entry, ...)."""
         return jax.vmap(self.each.association, in_axes=(0, None))(scan.sets, states)

@@ -83,6 +83,7 @@ def draw_levels(
     return clutter.level(field)
 
 
+@eqx.filter_jit
 def draw_scans(
     key: PRNGKeyArray,
     clutter: CompoundClutter,
