@@ -117,6 +117,8 @@ def plan_tracker(fans: Fans) -> SeveralTargetsTracker:
         interval=1.0,
         arrival_rate=1e-4,
         departure_rate=1e-3,
+        # The beams of the ship outside cross those of another for 20 s.
+        hold=25,
     )
 
 

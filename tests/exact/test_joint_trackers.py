@@ -17,10 +17,14 @@ from faintrack.trackers.joint import Followed, JointTrackers, _mixed
 from tests.region import FANS, MODEL, STATIONS
 from tests.tolerances import STANDARD_ERRORS, rounding
 
+KEY = jax.random.key(1)
 STAYS = 0.02
 """Rate of departure; with it existence after prediction is exp(-0.02) of that before."""
 
-still = JointTrackers(Target(None, PlanarMotion(0.0), 0.0, STAYS), MODEL, slots=3, particles=1024, proposals=1)
+ANYWHERE = tuple(PlanarState(*(jnp.array(sign * most) for most in (500.0, 500.0, 50.0, 50.0))) for sign in (-1, 1))
+still = JointTrackers(
+    Target(None, PlanarMotion(0.0), 0.0, STAYS), MODEL, ANYWHERE, slots=3, particles=1024, proposals=1
+)
 
 
 def held(trackers: JointTrackers, places: list[tuple[float, float]], existence: list[float], spread: float) -> Followed:
@@ -54,7 +58,7 @@ def test_existence_is_the_sum_over_every_subset(places: list[tuple[float, float]
     odds no further than that over the smallest share, 0.2.
     """
     before = [0.6, 0.7, 0.8]
-    after = still.step(held(still, places, before, 0.0), scan(7), jnp.zeros(3, bool), jax.random.key(1))
+    after = still.step(held(still, places, before, 0.0), scan(7), jnp.ones(3, bool), jax.random.key(1))
     predicted = np.array(before) * math.exp(-STAYS)
     table = np.asarray(MODEL.table(scan(7), 3), float)
     x, y = np.array(places).T
@@ -92,6 +96,26 @@ def test_a_single_target_is_a_bernoulli_filter() -> None:
     np.testing.assert_allclose(np.exp(after.beliefs.log_weights[0]), weights, atol=rounding(np.float32, 1000))
 
 
+def test_a_tentative_target_needs_every_array() -> None:
+    """One array hears it and the other does not: its evidence is what the other says, as in the region's ratio."""
+    beams = np.asarray(MODEL.fans.beams(STATIONS, PlanarState(*(jnp.array(value) for value in (10.0, 10.0, 0.0, 0.0)))))
+    energy = jnp.zeros((2, 37)).at[0, beams[0]].set(4.0)
+    here = EnergyScan(jnp.array(1.0), energy, jnp.ones((2, 37), bool), STATIONS)
+    one = held(still, [(10.0, 10.0)], [0.5], 0.0)
+    predicted = 0.5 * math.exp(-STAYS)
+    before = math.log(predicted / (1 - predicted))
+    for declared, evidence in ((True, 8.0 - 8.0), (False, -8.0)):
+        after = still.step(one, here, jnp.full(3, declared), jax.random.key(1))
+        assert abs(float(after.beliefs.log_odds[0]) - before - evidence) < rounding(np.float32, 100)
+
+
+def test_a_target_beyond_the_limits_is_gone() -> None:
+    loud = EnergyScan(jnp.array(1.0), jnp.full((2, 37), 4.0), jnp.ones((2, 37), bool), STATIONS)
+    after = still.step(held(still, [(10.0, 10.0), (10.0, 600.0)], [0.9, 0.9], 1.0), loud, jnp.ones(3, bool), KEY)
+    assert after.beliefs.existence[0] > 0.8
+    assert after.beliefs.existence[1] < 1e-6
+
+
 def test_proposals_stand_for_plain_motion() -> None:
     """Place and evidence under coupled partitions and under one draw a particle agree, within five standard errors of
     32 repetitions each."""
@@ -100,7 +124,7 @@ def test_proposals_stand_for_plain_motion() -> None:
     here = EnergyScan(jnp.array(1.0), scan(5).energy / 2, jnp.ones((2, 37), bool), STATIONS)
 
     def repeated(proposals: int) -> np.ndarray:
-        trackers = JointTrackers(moving, quiet, slots=2, particles=512, proposals=proposals)
+        trackers = JointTrackers(moving, quiet, ANYWHERE, slots=2, particles=512, proposals=proposals)
         followed = held(trackers, [(10.0, 10.0), (60.0, 10.0)], [0.9, 0.9], 30.0)
 
         def once(key: jax.Array) -> jax.Array:

@@ -159,8 +159,8 @@ def occupied_log_ratios(
     beams: Int[Array, "array target particle"],
     there: Bool[Array, "target particle"],
     joint: Bool[Array, "target target"],
-) -> tuple[Float[Array, "target particle"], Float[Array, "target particle"]]:
-    r"""Log ratios of particles that stand for several targets at once, eq. 28, without and with each of them.
+) -> tuple[Float[Array, "target particle"], Float[Array, "array target particle"]]:
+    r"""Log ratios of particles that stand for several targets at once, eq. 28, and what each of them adds.
 
     Particle p of all targets of a group is one joint state :math:`X_p`.
 
@@ -173,7 +173,8 @@ def occupied_log_ratios(
 
     Returns
     -------
-    log p(z | X without the target) / p(z | 0), and log p(z | X with it) / p(z | 0), of the group of each target.
+    log p(z | X without the target) / p(z | 0) of the group of each target, and what every array adds with it: their
+    sum is log p(z | X with it) / p(z | X without it).
     """
     same = (beams[:, :, None] == beams[:, None, :]) & joint[None, :, :, None] & there[None, None, :, :]
     others = jnp.sum(same & ~jnp.eye(joint.shape[0], dtype=bool)[None, :, :, None], axis=2)
@@ -182,9 +183,8 @@ def occupied_log_ratios(
     # Targets in one beam share its ratio evenly, so that the sum over a group counts every beam once.
     each = jnp.sum(jnp.where(there, after / (others + 1), 0), axis=0)
     whole = jnp.einsum("tu,up->tp", joint.astype(each.dtype), each)
-    own = jnp.sum(after - before, axis=0)
-    without = whole - jnp.where(there, own, 0)
-    return without, without + own
+    own = after - before
+    return whole - jnp.where(there, jnp.sum(own, axis=0), 0), own
 
 
 def _known(value: Any) -> bool:

@@ -237,8 +237,9 @@ def build_several(scenario: Scenario, fans: Fans, region: tuple[Pair, Pair], int
     """
     table = scenario.several
     particles = 2 ** math.ceil(math.log2(table.particles))
-    trackers = JointTrackers(build_target(scenario), build_likelihood(scenario, fans), table.slots, particles)
     detectors = build_detectors(scenario, region, interval)
+    target, likelihood = build_target(scenario), build_likelihood(scenario, fans)
+    trackers = JointTrackers(target, likelihood, detectors.limits, table.slots, particles)
     return SeveralTargetsTracker(detectors, trackers, table.detect, table.declare, table.drop, table.hold)
 
 

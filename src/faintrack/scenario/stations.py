@@ -157,8 +157,8 @@ class SeveralTable(Table):
     slots : targets that can be followed at once.
     particles : that follow a target; rounded up to a power of two.
     detect : target-present probability of a detector at which its target is handed over to particles.
-    declare : existence at which a track begins, when it has lasted for `hold` scans.
-    hold : scans.
+    declare : existence at which a track begins, once its target has been in hand for `hold` scans.
+    hold : scans; more where beams of targets cross those of others for long.
     drop : existence below which a target is given up.
     """
 
@@ -166,7 +166,7 @@ class SeveralTable(Table):
     particles: int = Field(default=2048, ge=16, le=1_000_000)
     detect: float = Field(default=0.9, gt=0, lt=1)
     declare: float = Field(default=0.99, gt=0, lt=1)
-    hold: int = Field(default=5, ge=1, le=1000)
+    hold: int = Field(default=10, ge=1, le=1000)
     drop: float = Field(default=0.1, gt=0, lt=1)
 
     @model_validator(mode="after")

@@ -17,7 +17,7 @@ target, so the cells of all of them are emptied.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -53,6 +53,19 @@ class Detectors(eqx.Module):
     def count(self) -> int:
         """Number of detectors."""
         return len(jax.tree.leaves(self.place)[0])
+
+    @property
+    def limits(self) -> tuple[Any, Any]:
+        """Lowest and highest state within the grids, component by component."""
+        grid = self.filter.grid
+        edges = {name: axis.edges for name, axis in grid.axes}
+
+        def ends(end: int, best: Callable[[Any], Any]) -> Any:
+            names = [field.name for field in dataclasses.fields(self.place)]
+            each = {name: edges[name][end] + np.asarray(getattr(self.place, name)) for name in names}
+            return grid.kind(**{name: jnp.asarray(best(each[name]), jnp.float32) for name in names})
+
+        return ends(0, np.min), ends(-1, np.max)
 
     @property
     def points(self) -> Any:

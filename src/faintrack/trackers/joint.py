@@ -13,11 +13,15 @@ With :math:`E_p` the members that exist in joint state p, drawn with their proba
         \frac{\sum_p w_p \, p(z \mid X_p, E_p \cup t)}{\sum_p w_p \, p(z \mid X_p, E_p \setminus t)}, \qquad
     w_{tp}' \propto w_p \, p(z \mid X_p, E_p \cup t)
 
-which is the one update of `faintrack.belief`, its log ratio less the log of the lower sum. Two trackers on one target,
-or one where the beams of two others cross, have beams that are explained without them: their evidence falls below one,
-and they die. As long as a target is tentative it may be such a **ghost**: it does not yet explain anything to the
-particles of others, which it would push out of their beams, but its existence and theirs are weighed against each
-other. Members that exist for certain have equal weights, and so stay paired when they are resampled.
+which is the one update of `faintrack.belief`, its log ratio less the log of the lower sum. Until a target is declared,
+the lower sum is of the best explanation without it, energy from outside the region that one array hears
+(`faintrack.likelihoods.beam_energies.region_log_ratio`): where the beam of a target in hand crosses one of nobody's,
+one array speaks for a ghost and the other against it, and the other counts. Two trackers on one target, or one where
+the beams of two others cross, have beams that are explained without them: their evidence falls below one, and they die.
+A target that leaves the region of the detectors, or moves faster than they know, is gone. As long as a target is
+tentative it may be such a **ghost**: it does not yet explain anything to the particles of others, which it would push
+out of their beams, but its existence and theirs are weighed against each other. Members that exist for certain have
+equal weights, and so stay paired when they are resampled.
 
 **Coupled partitions** propose the particles (Kreucher, Kastella and Hero 2005): one member after the other, each joint
 state draws several places to move to, and takes one with the probability that the scan gives it beside the other
@@ -39,7 +43,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from faintrack.belief import covariance, mean, update
 from faintrack.draws import normal, uniform
 from faintrack.filters.resampling import systematic
-from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios
+from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio
+from faintrack.likelihoods.within import REFUTED
 from faintrack.sensors.stations import EnergyScan
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs
@@ -56,13 +61,11 @@ class Followed(eqx.Module):
     beliefs : of every slot, stacked; states and weights have the shape (slot, particle).
     active : slots that hold a target.
     joint : whether two slots were updated together in the last scan.
-    log_evidence : of the last scan for each target, given all others; nat.
     """
 
     beliefs: Beliefs
     active: Bool[Array, " slot"]
     joint: Bool[Array, "slot slot"]
-    log_evidence: Float[Array, " slot"]
 
 
 class JointTrackers(eqx.Module):
@@ -72,6 +75,7 @@ class JointTrackers(eqx.Module):
     ----------
     target : motion and departure; what arrives is the detectors' to find.
     likelihood : of beam energies.
+    limits : lowest and highest state of a target, component by component; one beyond them is gone.
     slots : targets that can be held at once.
     particles : of each; a power of two.
     proposals : places that a particle can move to in a scan.
@@ -81,6 +85,7 @@ class JointTrackers(eqx.Module):
 
     target: Target
     likelihood: BeamEnergies
+    limits: tuple[Any, Any]
     slots: int = eqx.field(static=True, default=8)
     particles: int = eqx.field(static=True, default=2048)
     proposals: int = eqx.field(static=True, default=4)
@@ -98,8 +103,7 @@ class JointTrackers(eqx.Module):
             jnp.full(self.slots, -jnp.inf, like.dtype),
             jnp.asarray(time, like.dtype),
         )
-        nothing = jnp.zeros(self.slots, like.dtype)
-        return Followed(beliefs, jnp.zeros(self.slots, bool), jnp.eye(self.slots, dtype=bool), nothing)
+        return Followed(beliefs, jnp.zeros(self.slots, bool), jnp.eye(self.slots, dtype=bool))
 
     @eqx.filter_jit
     def step(self, followed: Followed, scan: EnergyScan, declared: Bool[Array, " slot"], key: PRNGKeyArray) -> Followed:
@@ -128,14 +132,17 @@ class JointTrackers(eqx.Module):
         predicted = dataclasses.replace(beliefs, states=states, log_weights=log_weights)
 
         def updated(there: Array) -> Beliefs:
-            without, with_it = occupied_log_ratios(table, beams, there, joint)
+            without, own = occupied_log_ratios(table, beams, there, joint)
+            with_it = without + jnp.sum(own, axis=0)
+            elsewhere = with_it - region_log_ratio(own, beams >= 0)
+            without = jnp.where(declared[:, None], without, elsewhere)
             log_ratio = with_it - jax.nn.logsumexp(log_weights + without, axis=1, keepdims=True)
+            log_ratio = log_ratio + self._beyond(states)
             return predicted.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
 
         whether, where = updated(exists), updated(explains)
-        log_evidence = jnp.where(followed.active, whether.log_odds - predicted.log_odds, 0)
         carried = dataclasses.replace(where, log_odds=whether.log_odds)
-        return Followed(carried, followed.active, joint, log_evidence)
+        return Followed(carried, followed.active, joint)
 
     def take(self, followed: Followed, states: Any, log_odds: Float[Array, ""]) -> Followed:
         """Put a target into the first free slot, of which there is one; `states` has as many entries as particles."""
@@ -150,11 +157,16 @@ class JointTrackers(eqx.Module):
             old.time,
         )
         joint = (followed.joint & ~mine[:, None] & ~mine[None, :]) | jnp.eye(self.slots, dtype=bool)
-        return Followed(beliefs, followed.active | mine, joint, followed.log_evidence)
+        return Followed(beliefs, followed.active | mine, joint)
 
     def middles(self, followed: Followed) -> Any:
         """Mean state of every slot."""
         return followed.beliefs.each(mean)
+
+    def _beyond(self, states: Any) -> Float[Array, "..."]:
+        """Log ratio of states to be there at all: 0, or `REFUTED` beyond the limits."""
+        within = jax.tree.map(lambda value, low, high: (value >= low) & (value <= high), states, *self.limits)
+        return jnp.where(jnp.stack(jax.tree.leaves(within)).all(axis=0), 0.0, REFUTED)
 
     def _groups(self, followed: Followed, scan: EnergyScan) -> Bool[Array, "slot slot"]:
         """Which slots share beams, through others too."""

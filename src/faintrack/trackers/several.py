@@ -9,13 +9,8 @@ region (`faintrack.trackers.detectors`), which leave out what is explained alrea
 The second rule is what keeps **ghosts** away, places where the beams of two targets cross. Before any target is
 declared a ghost looks like one, and may be handed over; but once both of its targets are in hand, their beams are
 explained without it, and it dies. So a target that has been handed over is tentative: it is declared, and labelled,
-when its existence has stayed above a threshold for some scans. It is dropped when its existence falls below a lower
-one.
-
-Where only one target of a ghost is in hand, one of its beams speaks for the ghost and the other against it: its
-existence wanders, and may stay high by chance. Evidence that adds up to nothing is no target, so some has to be
-**gathered** since the hand-over: the sum of the log evidence, begun anew whenever it falls below zero, which wanders to
-30 nats in tens of scans where a target of three standard deviations gathers nine in each.
+when it has lasted for some scans and its existence is above a threshold. It is dropped when its existence falls below
+a lower one.
 """
 
 import dataclasses
@@ -48,8 +43,7 @@ class Watching(eqx.Module):
     ----------
     beliefs : of the detectors, stacked.
     followed : targets in hand.
-    sure : scans in a row in which each slot's existence was high enough to be declared.
-    gathered : log evidence for each slot's target since it was handed over, or was last without any; nat.
+    age : scans since the target in each slot was handed over.
     label : of each slot, 0 where it is not declared.
     labels : given so far.
     scans : taken in so far.
@@ -57,8 +51,7 @@ class Watching(eqx.Module):
 
     beliefs: Beliefs
     followed: Followed
-    sure: Int[Array, " slot"]
-    gathered: Float[Array, " slot"]
+    age: Int[Array, " slot"]
     label: Int[Array, " slot"]
     labels: Int[Array, ""]
     scans: Int[Array, ""]
@@ -96,10 +89,9 @@ class SeveralTargetsTracker(eqx.Module):
     ----------
     detectors, trackers : what finds, and what follows.
     detect : probability of a detector at which it hands over.
-    declare : existence at which a target is declared, when it has lasted for `hold` scans.
+    declare : existence at which a target is declared, once it has been in hand for `hold` scans.
     drop : existence below which a target is given up.
-    hold : scans that a target is tentative.
-    gather : log evidence without which it is not declared; nat.
+    hold : scans that a target is tentative at least.
     margin : beams around those of a target that it explains.
     """
 
@@ -108,8 +100,7 @@ class SeveralTargetsTracker(eqx.Module):
     detect: float = 0.9
     declare: float = 0.99
     drop: float = 0.1
-    hold: int = 5
-    gather: float = 30.0
+    hold: int = 10
     margin: int = eqx.field(static=True, default=1)
 
     def init(self, key: PRNGKeyArray) -> Watching:
@@ -118,7 +109,7 @@ class SeveralTargetsTracker(eqx.Module):
         none = jnp.zeros(slots, jnp.int32)
         beliefs = self.detectors.init(key)
         followed = self.trackers.init(self.detectors.filter.grid.states(beliefs.log_weights.dtype))
-        return Watching(beliefs, followed, none, followed.log_evidence, none, jnp.array(0), jnp.array(0))
+        return Watching(beliefs, followed, none, none, jnp.array(0), jnp.array(0))
 
     def step(self, watching: Watching, scan: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
         """Take in one scan. `key` is that of the whole record; each scan makes its own from it."""
@@ -126,11 +117,9 @@ class SeveralTargetsTracker(eqx.Module):
         followed = self.trackers.step(watching.followed, scan, watching.label > 0, for_trackers)
         kept = followed.active & (followed.beliefs.existence >= self.drop)
         followed = dataclasses.replace(followed, active=kept)
-        sure = jnp.where(kept & (followed.beliefs.existence >= self.declare), watching.sure + 1, 0)
+        age = jnp.where(kept, watching.age + 1, 0)
         old = kept & (watching.label > 0)
-        gathered = jnp.where(watching.followed.active, watching.gathered, 0)
-        gathered = jnp.where(kept, jnp.maximum(gathered + followed.log_evidence, 0), 0)
-        new = kept & ~old & (sure >= self.hold) & (gathered >= self.gather)
+        new = kept & ~old & (age >= self.hold) & (followed.beliefs.existence >= self.declare)
         label = jnp.where(old, watching.label, jnp.where(new, watching.labels + jnp.cumsum(new), 0)).astype(jnp.int32)
         middles = self.trackers.middles(followed)
 
@@ -158,7 +147,7 @@ class SeveralTargetsTracker(eqx.Module):
         wanted = found & ~jnp.all(kept)
         beliefs, followed = jax.lax.cond(wanted, hand_over, lambda *same: same, beliefs, followed)
         labels = watching.labels + new.sum()
-        return Watching(beliefs, followed, sure, gathered, label, labels, watching.scans + 1), estimate
+        return Watching(beliefs, followed, age, label, labels, watching.scans + 1), estimate
 
     @eqx.filter_jit
     def steps(self, watching: Watching, scans: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
@@ -227,6 +216,6 @@ def region_tracker(
     (along_x, along_y), place = tiles(x, y, detectors, cells, cell)
     grid = Grid(PlanarState, (("vx", speed), ("vy", speed), ("x", along_x), ("y", along_y)))
     target = Target(None, PlanarMotion(velocity_noise), arrival_rate, departure_rate)
-    filter = GridFilter(grid, target, alternating_directions(grid, velocity_noise, interval))
-    trackers = JointTrackers(target, likelihood, slots, particles, separate=separate)
-    return SeveralTargetsTracker(Detectors(filter, place), trackers, **options)
+    watch = Detectors(GridFilter(grid, target, alternating_directions(grid, velocity_noise, interval)), place)
+    trackers = JointTrackers(target, likelihood, watch.limits, slots, particles, separate=separate)
+    return SeveralTargetsTracker(watch, trackers, **options)

@@ -69,10 +69,6 @@ CROWD, CROWD_SCANS = 10, 80
 ARRIVAL, DEPARTURE = 1e-4, 1e-3
 """Of targets; per second."""
 
-HOLD = 10
-"""Scans for which a target is tentative: time for others to be handed over, and weighed against a crossing of beams
-that came first. One that is declared blinds the detectors to the targets whose beams it takes."""
-
 DEGREE = math.radians(1)
 
 FANS = Fans((0.0, 0.0), (DEGREE, DEGREE), (180, 180), (True, True))
@@ -110,7 +106,6 @@ def tracker(
         departure_rate=DEPARTURE,
         slots=slots,
         separate=separate,
-        hold=HOLD,
     )
 
 
