@@ -163,3 +163,8 @@ def test_figures_are_drawn(tmp_path: Path) -> None:
 def test_every_setting_has_a_name_of_its_own() -> None:
     names = [setting.name for setting in SETTINGS]
     assert len(set(names)) == len(names)
+
+
+def test_a_tracker_is_built_while_a_level_is_traced() -> None:
+    limits = jax.jit(lambda level: scene.tracker(level).trackers.limits)(3.0)
+    assert [float(limits[0].x), float(limits[1].y)] == [scene.REGION[0][0], scene.REGION[1][1]]

@@ -62,10 +62,9 @@ class Detectors(eqx.Module):
 
         def ends(end: int, best: Callable[[Any], Any]) -> Any:
             names = [field.name for field in dataclasses.fields(self.place)]
-            each = {name: edges[name][end] + np.asarray(getattr(self.place, name)) for name in names}
-            return grid.kind(**{name: jnp.asarray(best(each[name]), jnp.float32) for name in names})
+            return grid.kind(**{name: edges[name][end] + best(getattr(self.place, name)) for name in names})
 
-        return ends(0, np.min), ends(-1, np.max)
+        return ends(0, jnp.min), ends(-1, jnp.max)
 
     @property
     def points(self) -> Any:
