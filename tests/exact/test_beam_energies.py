@@ -106,7 +106,7 @@ def test_one_target_has_the_ratio_of_its_beams(float64: type) -> None:
     np.testing.assert_allclose(MODEL.log_ratio(here, states), expected, rtol=rounding(np.float64, 1000))
 
 
-@pytest.mark.parametrize("arrays", [2, 3, 4])
+@pytest.mark.parametrize("arrays", [1, 2, 3, 4])
 def test_region_ratio_is_presence_over_the_best_absence(arrays: int, float64: type) -> None:
     """kreucher2011, eq. 18, the maximum taken over every set of arrays that a target elsewhere may be heard by."""
     ratios = np.random.default_rng(3).normal(0, 3, (arrays, 200))

@@ -25,7 +25,7 @@ from faintrack.bench.recording import track_55ch_realtime
 from faintrack.bench.rows import Row
 from faintrack.bench.several import several_sea_trial, several_synthetic
 from faintrack.bench.sizes import Sizes
-from faintrack.bench.startup import help_seconds, import_seconds
+from faintrack.bench.startup import help_seconds, import_seconds, tenet_seconds
 from faintrack.bench.studies import study_seconds
 from faintrack.errors import InputError
 
@@ -56,6 +56,7 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
         study_seconds,
         import_seconds,
         help_seconds,
+        tenet_seconds,
     )
 }
 

@@ -29,7 +29,8 @@ Absence then is a composite hypothesis (eq. 18, for two arrays), and the ratio c
 
 with :math:`\lambda_j = \log p_{1j} / p_{0j}`: the evidence of absence in full, or the weakest of presence. The second
 form holds for any number of arrays, S being any set of arrays but all that hear the place. Its mean without a
-target is below 1: it is careful by construction. What a single array hears counts against a target only.
+target is below 1: it is careful by construction. What one of several arrays hears alone counts against a target only;
+an array by itself has nobody to ask, and its ratio is that of eq. 15.
 """
 
 from typing import Any
@@ -150,7 +151,7 @@ def region_log_ratio(
     """
     ratios = jnp.where(heard, ratios, 0)
     weakest = jnp.min(jnp.where(heard, ratios, jnp.inf), axis=0)
-    together = (jnp.sum(heard, axis=0) > 1) & (weakest > 0)
+    together = (jnp.sum(heard, axis=0) >= min(2, len(ratios))) & (weakest > 0)
     return jnp.sum(jnp.minimum(ratios, 0), axis=0) + jnp.where(together, weakest, 0)
 
 

@@ -56,13 +56,13 @@ class Detectors(eqx.Module):
 
     @property
     def limits(self) -> tuple[Any, Any]:
-        """Lowest and highest state within the grids, component by component."""
+        """Lowest and highest state within the grids, component by component; one without an axis has any value."""
         grid = self.filter.grid
-        edges = {name: axis.edges for name, axis in grid.axes}
+        anywhere = {field.name: (-np.inf, np.inf) for field in dataclasses.fields(self.place)}
+        edges = anywhere | {name: axis.edges for name, axis in grid.axes}
 
         def ends(end: int, best: Callable[[Any], Any]) -> Any:
-            names = [field.name for field in dataclasses.fields(self.place)]
-            return grid.kind(**{name: edges[name][end] + best(getattr(self.place, name)) for name in names})
+            return grid.kind(**{name: ends[end] + best(getattr(self.place, name)) for name, ends in edges.items()})
 
         return ends(0, jnp.min), ends(-1, jnp.max)
 

@@ -28,8 +28,8 @@ from faintrack.filters.grid import GridFilter
 from faintrack.grids import Grid
 from faintrack.likelihoods.beam_energies import BeamEnergies, in_beams, region_log_ratio
 from faintrack.sensors.stations import EnergyScan
-from faintrack.targets.motion import PlanarMotion
-from faintrack.targets.states import PlanarState
+from faintrack.targets.motion import BearingMotion, PlanarMotion
+from faintrack.targets.states import BearingState, PlanarState
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs
 from faintrack.trackers.detectors import Detectors, around, tiles
@@ -218,4 +218,36 @@ def region_tracker(
     target = Target(None, PlanarMotion(velocity_noise), arrival_rate, departure_rate)
     watch = Detectors(GridFilter(grid, target, alternating_directions(grid, velocity_noise, interval)), place)
     trackers = JointTrackers(target, likelihood, watch.limits, slots, particles, separate=separate)
+    return SeveralTargetsTracker(watch, trackers, **options)
+
+
+def bearing_tracker(
+    likelihood: BeamEnergies,
+    bearing: Axis,
+    bearing_rate: Axis,
+    rate_noise: float,
+    interval: float,
+    arrival_rate: float,
+    departure_rate: float,
+    slots: int = 8,
+    particles: int = 2048,
+    **options: Any,
+) -> SeveralTargetsTracker:
+    """Tracker of targets that one array hears, in bearing; a target's level is that of the likelihood.
+
+    Parameters
+    ----------
+    likelihood : of the energies that the array reports.
+    bearing, bearing_rate : cells; radians, radians a second.
+    rate_noise : density of the bearing's acceleration; radians a second per root second.
+    interval : between scans; seconds. Scans come at whole multiples of it.
+    arrival_rate, departure_rate : of a target; per second.
+    slots, particles : see `faintrack.trackers.joint.JointTrackers`.
+    options : see `SeveralTargetsTracker`.
+    """
+    grid = Grid(BearingState, (("bearing_rate", bearing_rate), ("bearing", bearing)))
+    target = Target(None, BearingMotion(rate_noise), arrival_rate, departure_rate)
+    filter = GridFilter(grid, target, alternating_directions(grid, rate_noise, interval))
+    watch = Detectors(filter, BearingState(*(jnp.zeros(1),) * 3))
+    trackers = JointTrackers(target, likelihood, watch.limits, slots, particles)
     return SeveralTargetsTracker(watch, trackers, **options)
