@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from faintrack.errors import InputError
+from faintrack.tables import require_columns, table
 
 NEEDED = ("time_s", "bearing_deg", "observer_x_m", "observer_y_m")
 OBSERVER = "observer"
@@ -82,28 +83,9 @@ def from_columns(
     ([0.0, 1.0], [2, 0], [0.0, 90.0])
     """
     require_names(list(columns), origin)
-    values = {name: np.asarray(column, float) for name, column in columns.items()}
-    time = values["time_s"]
-    for name, column in values.items():
-        if column.shape != (time.size,):
-            raise InputError(
-                f"{origin}: {name} has shape {column.shape}; expected ({time.size},), a row each as time_s."
-            )
-    if not time.size:
-        raise InputError(f"{origin}: there is no scan; expected a row for every bearing.")
-    rows = np.arange(len(time)) if rows is None else np.asarray(rows)
+    read = table(columns, rows, origin, "scan", "bearing")
+    values, rows, refuse, time = read.values, read.rows, read.refuse, read.values["time_s"]
     number = values.get(OBSERVER, np.zeros(len(time)))
-
-    def refuse(wrong: np.ndarray, name: str, expected: str) -> None:
-        """Name the first row in which a column is wrong."""
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            value = values[name][row]
-            told = "missing" if np.isnan(value) else f"{value:.10g}"
-            raise InputError(f"{origin}, row {rows[row]}: {name} is {told}; expected {expected}.")
-
-    refuse(~np.isfinite(time), "time_s", "seconds")
-    refuse(np.append(False, np.diff(time) < 0), "time_s", "ascending times, the rows of a scan together")
     for name in ("observer_x_m", "observer_y_m"):
         refuse(~np.isfinite(values[name]), name, "metres in every row")
     if OBSERVER in values:
@@ -114,7 +96,7 @@ def from_columns(
         ~silent & ~((bearing >= -180) & (bearing <= 360)), "bearing_deg", "-180 to 360 degrees, clockwise from north"
     )
 
-    scan = np.cumsum(np.append(True, np.diff(time) > 0)) - 1
+    scan = np.cumsum(read.first) - 1
     observers, observer = np.unique(number.astype(int), return_inverse=True)
     if len(observers) > MOST_OBSERVERS:
         raise InputError(f"{origin}: there are {len(observers)} observers; expected at most {MOST_OBSERVERS}.")
@@ -131,7 +113,7 @@ def from_columns(
     place[scan, observer] = np.stack([values["observer_x_m"], values["observer_y_m"]], axis=-1)
     there = ~silent
     return Bearings(
-        time[np.append(True, np.diff(time) > 0)],
+        time[read.first],
         observers,
         heard,
         place,
@@ -173,24 +155,5 @@ def to_columns(bearings: Bearings) -> dict[str, Float[np.ndarray, " row"]]:
 
 
 def require_names(names: Sequence[str], origin: str) -> None:
-    """Refuse names of columns that are unknown or come twice, and sets of them that lack one.
-
-    Raises
-    ------
-    InputError : as said.
-
-    Examples
-    --------
-    >>> require_names(["time_s", "bearing_deg"], "bearings.csv")  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-        ...
-    faintrack.errors.InputError: bearings.csv: there is no column observer_x_m; expected time_s, bearing_deg, ...
-    """
-    for name in names:
-        if name not in COLUMNS:
-            raise InputError(f"{origin}: there is a column {name!r}; expected none but {', '.join(COLUMNS)}.")
-        if names.count(name) > 1:
-            raise InputError(f"{origin}: there are two columns {name}; expected one.")
-    for name in NEEDED:
-        if name not in names:
-            raise InputError(f"{origin}: there is no column {name}; expected {', '.join(NEEDED)}.")
+    """Refuse names of columns that are not those of bearings, see `faintrack.tables.require_columns`."""
+    require_columns(names, NEEDED, COLUMNS, origin)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from faintrack.errors import InputError
+from faintrack.tables import require_columns, table
 
 MEASURED = ("delay_s", "bearing_deg", "snr_db")
 DOPPLER = "doppler_hz"
@@ -95,28 +96,9 @@ def from_columns(
     [90.0, 0.0]
     """
     require_names(list(columns), origin)
-    values = {name: np.asarray(column, float) for name, column in columns.items()}
-    time = values["time_s"]
-    for name, column in values.items():
-        if column.shape != (time.size,):
-            raise InputError(
-                f"{origin}: {name} has shape {column.shape}; expected ({time.size},), a row each as time_s."
-            )
-    if not time.size:
-        raise InputError(f"{origin}: there is no ping; expected a row for every return.")
-    rows = np.arange(len(time)) if rows is None else np.asarray(rows)
-
-    def refuse(wrong: np.ndarray, name: str, expected: str) -> None:
-        """Name the first row in which a column is wrong."""
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            value = values[name][row]
-            told = "missing" if np.isnan(value) else f"{value:.10g}"
-            raise InputError(f"{origin}, row {rows[row]}: {name} is {told}; expected {expected}.")
-
-    refuse(~np.isfinite(time), "time_s", "seconds")
-    refuse(np.append(False, np.diff(time) < 0), "time_s", "ascending times, the rows of a ping together")
-    first = np.append(True, np.diff(time) > 0)
+    read = table(columns, rows, origin, "ping", "return")
+    values, rows, refuse, time = read.values, read.rows, read.refuse, read.values["time_s"]
+    first = read.first
     ping = np.cumsum(first) - 1
 
     measured = [name for name in (*MEASURED, DOPPLER) if name in values]
@@ -192,27 +174,8 @@ def to_columns(returns: Returns) -> dict[str, Float[np.ndarray, " row"]]:
 
 
 def require_names(names: Sequence[str], origin: str) -> None:
-    """Refuse names of columns that are unknown or come twice, and sets of them that lack one.
-
-    Raises
-    ------
-    InputError : as said.
-
-    Examples
-    --------
-    >>> require_names(["time_s", "snr_db"], "returns.csv")
-    Traceback (most recent call last):
-        ...
-    faintrack.errors.InputError: returns.csv: there is no column delay_s; expected time_s, delay_s, bearing_deg, snr_db.
-    """
+    """Refuse names of columns that are not those of returns, see `faintrack.tables.require_columns`."""
     needed = ["time_s", *MEASURED]
     for platform in PLATFORMS.values():
         needed += platform if any(name in names for name in platform) else ()
-    for name in names:
-        if name not in COLUMNS:
-            raise InputError(f"{origin}: there is a column {name!r}; expected none but {', '.join(COLUMNS)}.")
-        if names.count(name) > 1:
-            raise InputError(f"{origin}: there are two columns {name}; expected one.")
-    for name in needed:
-        if name not in names:
-            raise InputError(f"{origin}: there is no column {name}; expected {', '.join(needed)}.")
+    require_columns(names, needed, COLUMNS, origin)
