@@ -46,7 +46,7 @@ TINY = Sizes(
 )
 
 
-QUICK = {"beam_power_numpy", "bernoulli_step_single", "implicit_step_4d", "pixel_frame"}
+QUICK = {"beam_power_numpy", "implicit_step_4d", "pixel_frame"}
 """One row of each kind; to start all of them takes minutes."""
 
 

@@ -62,8 +62,10 @@ def simulated(target: Target) -> tuple[np.ndarray, BeamScan]:
 
 @pytest.mark.parametrize(
     ("build", "guided"),
-    [(Scene.white_signal, False), (Scene.unknown_noise, True)],
-    ids=["white signal", "unknown noise and guided births"],
+    [
+        pytest.param(Scene.white_signal, False, id="white signal"),
+        pytest.param(Scene.unknown_noise, True, id="unknown noise and guided births", marks=pytest.mark.slow),
+    ],
 )
 def test_of_targets_believed_in_as_many_exist(
     build: Callable[[Scene], Likelihood],
