@@ -153,7 +153,7 @@ def _influence(axes: list[Axes], results: Results, influence: list[tuple[str, li
         axis.grid(alpha=0.3)
     axes[0].set(xscale="log", xticks=[1, 5, 20], xticklabels=["1", "5", "20"])
     axes[0].set_ylabel("share of scans: detections (circles), false alarms (triangles)", fontsize=8)
-    axes[1].legend(fontsize=8, title="solid: full, dashed: published", title_fontsize=8)
+    axes[0].legend(fontsize=8, title="solid: full, dashed: published", title_fontsize=8, loc="center")
 
 
 def _particles(axes: list[Axes], results: Results) -> None:
