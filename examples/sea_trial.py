@@ -128,6 +128,7 @@ def main() -> None:
     parser.add_argument("reports", type=Path, help="AIS reports")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--keep", type=Path, help="where energies are kept between runs, npy")
+    parser.add_argument("--seed", type=int, default=0, help="of the tracker")
     options = parser.parse_args()
     step = float(np.pi / (BEAMS - 1))
     fans = Fans((0.0, 0.0), (step, step), (BEAMS, BEAMS), (True, True))
@@ -146,7 +147,8 @@ def main() -> None:
         jnp.asarray(time, jnp.float32), jnp.asarray(energy, jnp.float32), jnp.ones(energy.shape, bool), everywhere
     )
     tracker = plan_tracker(fans)
-    _, estimate = tracker.steps(tracker.init(jax.random.key(0)), scans, jax.random.key(1))
+    for_start, for_scans = (jax.random.key(2 * options.seed + number) for number in range(2))
+    _, estimate = tracker.steps(tracker.init(for_start), scans, for_scans)
     found = jax.tree.map(np.asarray, estimate)
     truth = np.array([np.stack([np.interp(time, np.arange(len(path)), each) for each in path.T], 1) for path in inside])
     numbers = summary(found, truth, energy, scans, fans)

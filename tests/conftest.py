@@ -1,6 +1,5 @@
 """Fixtures that more than one file of tests uses, and where compiled programs are kept."""
 
-import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,8 +18,6 @@ COMPILED = {
 # Most of the suite's time goes into compiling what runs for a moment: half of it, for slower code.
 QUICKLY_COMPILED = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
 os.environ["XLA_FLAGS"] = f"{QUICKLY_COMPILED} {os.environ.get('XLA_FLAGS', '')}"
-# A process holds millions of objects of compiled programs; to look for garbage among all of them takes a while.
-gc.set_threshold(50_000, 20, 50)
 for option, value in COMPILED.items():
     os.environ[option.upper()] = str(value)
     jax.config.update(option, value)

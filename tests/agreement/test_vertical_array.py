@@ -40,7 +40,7 @@ def record() -> EnergyScan:
 @pytest.fixture(scope="module")
 def found() -> SeveralEstimate:
     # Bearings are from the array's axis: elevation and a right angle.
-    fans = Fans(((ELEVATION[0] + 90) * DEGREE,), (WIDTH * DEGREE,), (len(ELEVATION),), (True,))
+    fans = Fans((float(ELEVATION[0] + 90) * DEGREE,), (WIDTH * DEGREE,), (len(ELEVATION),), (True,))
     tracker = bearing_tracker(
         BeamEnergies(fans, present_mean=LEVEL, present_std=1.3),
         bearing=between(45 * DEGREE, 135 * DEGREE, 45),

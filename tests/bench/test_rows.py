@@ -47,7 +47,7 @@ TINY = Sizes(
 
 
 QUICK = {"beam_power_numpy", "implicit_step_4d", "pixel_frame"}
-"""One row of each kind; to start all of them takes minutes."""
+"""Rows that start in seconds; most others compile a whole tracker."""
 
 
 @pytest.mark.parametrize(

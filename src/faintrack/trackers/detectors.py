@@ -61,10 +61,11 @@ class Detectors(eqx.Module):
         anywhere = {field.name: (-np.inf, np.inf) for field in dataclasses.fields(self.place)}
         edges = anywhere | {name: axis.edges for name, axis in grid.axes}
 
-        def ends(end: int, best: Callable[[Any], Any]) -> Any:
-            return grid.kind(**{name: ends[end] + best(getattr(self.place, name)) for name, ends in edges.items()})
+        def corner(end: int, outermost: Callable[[Any], Any]) -> Any:
+            reach = {name: each[end] + outermost(getattr(self.place, name)) for name, each in edges.items()}
+            return grid.kind(**reach)
 
-        return ends(0, jnp.min), ends(-1, jnp.max)
+        return corner(0, jnp.min), corner(-1, jnp.max)
 
     @property
     def points(self) -> Any:

@@ -141,8 +141,7 @@ class JointTrackers(eqx.Module):
             return predicted.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
 
         whether, where = updated(exists), updated(explains)
-        carried = dataclasses.replace(where, log_odds=whether.log_odds)
-        return Followed(carried, followed.active, joint)
+        return Followed(dataclasses.replace(where, log_odds=whether.log_odds), followed.active, joint)
 
     def take(self, followed: Followed, states: Any, log_odds: Float[Array, ""]) -> Followed:
         """Put a target into the first free slot, of which there is one; `states` has as many entries as particles."""
