@@ -117,6 +117,13 @@ def positions(data: xr.Dataset) -> list[str]:
     return [name for name in ("x", "y", "range") if name + "_std" in data]
 
 
+def position_units(data: xr.Dataset) -> dict[str, str]:
+    """Unit of each component of the position."""
+    # The position of several targets has a covariance, that of one a mean and a standard deviation.
+    several = "slot" in data.sizes
+    return {name: data[name if several else f"{name}_std"].attrs["units"] for name in positions(data)}
+
+
 def track_fields(data: xr.Dataset) -> list[str]:
     """Names of what is told of a track in the data of a result."""
     names = positions(data)

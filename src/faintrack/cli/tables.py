@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from faintrack.result import Result
+from faintrack.result import Result, position_units
 from faintrack.scenario.simulate import sources_of
 from faintrack.truth import false_tracks, findings, main_lobe_deg
 from faintrack.truth_ships import sightings, unexplained
@@ -27,15 +27,11 @@ BEARING_COLUMNS = (
 """Field of a track, heading, format."""
 
 
-ENDS = ("start", "end")
-"""Of a track."""
-
-
 def print_tracks(result: Result) -> None:
     """Tracks of a result, and how fast it came."""
     if result.tracks:
         tracks = [track.as_dict() for track in result.tracks]
-        columns = BEARING_COLUMNS if result.kind == "recording" else _position_columns(tracks[0])
+        columns = BEARING_COLUMNS if result.kind == "recording" else _position_columns(position_units(result.data))
         rows = ([format(track[field], form) for field, _, form in columns] for track in tracks)
         _print([heading for _, heading, _ in columns], rows)
     if "ship" in result.data.sizes:
@@ -122,13 +118,24 @@ def print_study(summary: dict[str, Any]) -> None:
     print(f"{sum(summary['runs'].values())} runs, seed {summary['seed']}, {summary['seconds']:.0f} s")
 
 
-def _position_columns(track: dict[str, Any]) -> list[tuple[str, str, str]]:
-    special = {"label": ("track", "d"), "existence_max": ("existence", ".4f")}
-    degrees = {f"{name}_{side}": (f"{name} {side}", ".4f") for name in ("latitude", "longitude") for side in ENDS}
+def _position_columns(units: dict[str, str]) -> list[tuple[str, str, str]]:
+    """Columns of tracks in a plane, a picture or a profile, whose positions have these units."""
+    unit = next(iter(units.values()))
     # In degrees the metres would only fill the line.
-    left_out = {f"{name}_{side}" for name in "xy" for side in ENDS} if degrees.keys() <= track.keys() else ()
-    told = special | degrees
-    return [(name, *told.get(name, (name.replace("_", " "), ".5g"))) for name in track if name not in left_out]
+    shown = {name: of for name, of in units.items() if of == "degree"} or units
+    places = [
+        (f"{name}_{side}", f"{name} {side} {'deg' if of == 'degree' else of}", ".4f" if of == "degree" else ".5g")
+        for side in ("start", "end")
+        for name, of in shown.items()
+    ]
+    return [
+        ("label", "track", "d"),
+        ("start_s", "start s", ".5g"),
+        ("end_s", "end s", ".5g"),
+        *places,
+        ("speed", f"speed {unit}/s", ".5g"),
+        ("existence_max", "existence", ".4f"),
+    ]
 
 
 def _interval(bounds: list[float | None]) -> str:

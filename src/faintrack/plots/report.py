@@ -13,7 +13,7 @@ from faintrack.plots.bearings import draw_bearings
 from faintrack.plots.frames import draw_frames
 from faintrack.plots.returns import draw_returns
 from faintrack.plots.stations import DEVIATIONS, draw_records
-from faintrack.result import Result, positions
+from faintrack.result import Result, position_units
 from faintrack.scenario import to_toml
 from faintrack.scenario.build_returns import expected_returns, sonar_axes
 from faintrack.truth_ships import WITHIN_CELLS, sightings, unexplained
@@ -194,19 +194,12 @@ def _cell(axis: xr.DataArray) -> str:
 
 
 def _position_columns(result: Result) -> tuple[tuple[str, str, str], ...]:
-    data = result.data
-    names = positions(data)
-    # The position of several targets has a covariance, that of one a mean and a standard deviation.
-    units = {name: data[name if "slot" in data.sizes else f"{name}_std"].attrs["units"] for name in names}
-    unit = units[names[0]]
+    units = position_units(result.data)
+    unit = next(iter(units.values()))
     places = [
-        (
-            f"{name}_{side}",
-            f"{name} at {side} ({units[name]})",
-            "{:.5f}" if units[name] == "degree" else "{:.1f}",
-        )
+        (f"{name}_{side}", f"{name} at {side} ({of})", "{:.5f}" if of == "degree" else "{:.1f}")
         for side in ("start", "end")
-        for name in names
+        for name, of in units.items()
     ]
     return (
         ("label", "track", "{:d}"),
@@ -226,7 +219,7 @@ def _table(result: Result) -> str:
     if not result.tracks:
         several, told = result.scenario.several, f"{result.scenario.tracker.declare:g}"
         if result.kind == "records":
-            told = f"{several.declare:g} for {several.hold} scans in a row"
+            told = f"{several.declare:g} in a target that had been in hand for {several.hold} scans"
         return f"<p>Existence never reached {told}.</p>"
     columns = BEARING_COLUMNS if result.kind == "recording" else _position_columns(result)
     head = "".join(f"<th>{heading}</th>" for _, heading, _ in columns)

@@ -238,7 +238,8 @@ def bearing_tracker(
     Parameters
     ----------
     likelihood : of the energies that the array reports.
-    bearing, bearing_rate : cells; radians, radians a second.
+    bearing, bearing_rate : cells; radians, radians a second. A line's bearings are from 0 to pi, those of an array that
+        hears all around from -pi to pi: there targets are followed across pi, and sought on either side of it.
     rate_noise : density of the bearing's acceleration; radians a second per root second.
     interval : between scans; seconds. Scans come at whole multiples of it.
     arrival_rate, departure_rate : of a target; per second.
@@ -246,7 +247,8 @@ def bearing_tracker(
     options : see `SeveralTargetsTracker`.
     """
     grid = Grid(BearingState, (("bearing_rate", bearing_rate), ("bearing", bearing)))
-    target = Target(None, BearingMotion(rate_noise), arrival_rate, departure_rate)
+    motion = BearingMotion(rate_noise, circular=not likelihood.fans.line[0])
+    target = Target(None, motion, arrival_rate, departure_rate)
     filter = GridFilter(grid, target, alternating_directions(grid, rate_noise, interval))
     watch = Detectors(filter, BearingState(*(jnp.zeros(1),) * 3))
     trackers = JointTrackers(target, likelihood, watch.limits, slots, particles)
