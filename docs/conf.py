@@ -57,6 +57,7 @@ sphinx_gallery_conf = {
             "plot_active_sonar.py",
             "plot_bearings.py",
             "plot_infrasound_bearings.py",
+            "plot_several_arrays.py",
             # Those that are not listed yet come last, in their order.
             "*",
         ]

@@ -115,6 +115,8 @@ def test_frames_are_tracked_and_reported(tmp_path: Path) -> None:
     # The echo goes from 60 to 195 m, a cell of 15 m every second.
     assert 5 <= float(row.split(",")[1]) < 9
     assert abs(float(row.split(",")[4]) - 195) < 20
+    assert "range start m" in done.out
+    assert "speed m/s" in done.out
     assert "1 tracks in 30 frames" in done.out
     again = call("track", tmp_path / "radar.npz", "--scenario", tmp_path / "result" / "scenario.toml", "--json")
     (track,) = json.loads(again.out)["tracks"]
