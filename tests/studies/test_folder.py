@@ -43,6 +43,26 @@ def test_only_finished_runs_are_read(path: Path) -> None:
             folder.results("long")
 
 
+def test_more_runs_are_added_to_those_there_are(tmp_path: Path) -> None:
+    """The batch that was cut short is computed again, whole ones are not, and the runs are those of one long study."""
+    short = study.settings[0]
+    with open_folder(tmp_path, study, None, False, 6, resume=False) as folder:
+        for first in (0, 4):
+            folder.write(short, first, run_batch(WHERE, "short", 0, first))
+        assert folder.missing(short) == []
+    with open_folder(tmp_path, study, None, False, 10, resume=True) as folder:
+        assert folder.plan.runs == {"short": 10, "long": 10}
+        assert folder.results("short").sizes["run"] == 6
+        assert folder.missing(short) == [4, 8]
+        for first in (4, 8):
+            folder.write(short, first, run_batch(WHERE, "short", 0, first))
+    with open_folder(tmp_path, study, None, False, None, resume=True) as folder:
+        assert folder.missing(short) == []
+        expected = np.concatenate([run_batch(WHERE, "short", 0, first)["place"] for first in (0, 4, 8)])
+        np.testing.assert_array_equal(folder.results("short").place, expected[:10])
+    refuse(tmp_path, "9 of each were asked for, expected no fewer", runs=9)
+
+
 def test_a_study_is_not_written_over(path: Path) -> None:
     refuse(path, "holds a study; add --resume", resume=False)
 

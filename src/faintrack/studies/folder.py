@@ -16,13 +16,14 @@ import contextlib
 import fcntl
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+import zarr
 
 from faintrack.errors import InputError
 from faintrack.io.checks import explained
@@ -68,7 +69,9 @@ class Folder:
         if not self._started(setting):
             return starts.tolist()
         with self._dataset(setting) as data:
-            return starts[~data.done.values[starts]].tolist()
+            # The last batch of a study that was extended may be done in part.
+            done = np.logical_and.reduceat(data.done.values[:runs], starts)
+        return starts[~done].tolist()
 
     def write(self, setting: Setting, first: int, arrays: dict[str, np.ndarray]) -> None:
         """Keep a batch of runs, then mark it as done.
@@ -104,6 +107,19 @@ class Folder:
             raise InputError(f"{self.path} has no run of setting {name} yet.")
         with self._dataset(setting) as data:
             return data.isel(run=np.flatnonzero(data.done.values)).drop_vars("done").load()
+
+    def describe(self) -> None:
+        """Write what was asked for."""
+        content = {"format": FORMAT, "version": version("faintrack"), **vars(self.plan)}
+        self.keep("study.json", json.dumps(content, indent=2) + "\n")
+
+    def make_room(self) -> None:
+        """Lengthen the arrays of every setting that was begun with fewer runs."""
+        for setting in self.study.settings:
+            if self._started(setting):
+                group = zarr.open_group(self._runs, path=setting.name, mode="r+")
+                for _, array in group.arrays():
+                    array.resize((self.plan.runs[setting.name], *array.shape[1:]))
 
     def keep(self, name: str, text: str) -> None:
         """Write a text file of the folder, beside and renamed."""
@@ -155,12 +171,12 @@ def open_folder(
     path : of the folder.
     study : whose runs it keeps.
     seed, quick, runs : what is asked for; where a study is resumed, what was asked for then, unless given.
-    resume : go on with what is there.
+    resume : go on with what is there; with more `runs` than it was asked for then, these are added.
 
     Raises
     ------
     InputError : there are runs and `resume` is not given; the folder is another study's, another version's, or that of
-        other settings; another process writes to it; it cannot be written.
+        other settings; there are more runs than asked for; another process writes to it; it cannot be written.
     """
     described = path / "study.json"
     try:
@@ -183,8 +199,7 @@ def open_folder(
         )
         if not described.exists():
             folder = Folder(path, study, asked)
-            content = {"format": FORMAT, "version": version("faintrack"), **vars(asked)}
-            folder.keep("study.json", json.dumps(content, indent=2) + "\n")
+            folder.describe()
         else:
             if not resume:
                 raise InputError(f"{path} holds a study; add --resume to go on with it, or give another --out.")
@@ -193,9 +208,17 @@ def open_folder(
                 raise InputError(f"{described}: the study has seed {kept.seed}; {seed} was asked for.")
             if quick and not kept.quick:
                 raise InputError(f"{described}: the study is a full one; a quick one was asked for.")
-            if runs is not None and asked.runs != kept.runs:
-                raise InputError(f"{described}: the study has runs {kept.runs}; {runs} of each were asked for.")
             folder = Folder(path, study, kept)
+            if runs is not None:
+                more = {s.name: _asked_runs(s, kept.quick, runs) for s in study.settings}
+                if any(more[name] < count for name, count in kept.runs.items()):
+                    raise InputError(
+                        f"{described}: the study has runs {kept.runs}; {runs} of each were asked for, expected no "
+                        "fewer."
+                    )
+                folder = Folder(path, study, replace(kept, runs=more))
+                folder.make_room()
+                folder.describe()
         yield folder
 
 
