@@ -204,10 +204,13 @@ def _take_in(
     return following, estimates, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(energies(scans)), 1e-6))
 
 
-def _advance(
-    recording: Recording, array: SensorArray, scenario: Scenario, block_frames: int | None = None
-) -> Iterator[tuple[FrameBlock, Any, Any, np.ndarray]]:
-    """Yield blocks of frames with the tracker's state after them, its estimates and the rows of the record."""
+def planned(recording: Recording, array: SensorArray, scenario: Scenario) -> tuple[Beamformer, int, int]:
+    """Beamformer of a recording, samples of a frame, and number of frames.
+
+    Raises
+    ------
+    InputError : recording, array, band and frame do not fit together.
+    """
     if recording.channels != len(array.gains):
         raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(array.gains)}.")
     with naming(recording.source):
@@ -219,6 +222,14 @@ def _advance(
             f"{recording.source} lasts {recording.duration:g} s; "
             f"expected at least one frame of {scenario.analysis.frame:g} s."
         )
+    return plan, length, count
+
+
+def _advance(
+    recording: Recording, array: SensorArray, scenario: Scenario, block_frames: int | None = None
+) -> Iterator[tuple[FrameBlock, Any, Any, np.ndarray]]:
+    """Yield blocks of frames with the tracker's state after them, its estimates and the rows of the record."""
+    plan, length, count = planned(recording, array, scenario)
     seconds = scenario.likelihood.noise_seconds
     noise_power = None if seconds is None else measure_noise(recording, plan, length, seconds)
     with naming(recording.source):

@@ -22,7 +22,6 @@ from faintrack.recording import Recording
 from faintrack.records import InStep, in_step
 from faintrack.result import Result
 from faintrack.result_stations import scans_dataset
-from faintrack.scenario.build import build_beamformer
 from faintrack.scenario.build_stations import (
     Path,
     build_fans,
@@ -37,7 +36,7 @@ from faintrack.scenario.stations import parse_utc
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.stations import EnergyScan, Stations
 from faintrack.sequence import Sequence
-from faintrack.session import collect
+from faintrack.session import collect, planned
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies, standardised
 from faintrack.signal.frames import framed
@@ -174,17 +173,7 @@ def beamformed(recording: Recording, array: SensorArray, scenario: Scenario) -> 
     >>> record.times.tolist(), record.shape, abs(float(record.read(1, 3).mean()) - 1) < 0.1
     ([0.5, 1.5, 2.5], (180,), True)
     """
-    if recording.channels != len(array.gains):
-        raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(array.gains)}.")
-    with naming(recording.source):
-        plan = build_beamformer(scenario, array, recording.sample_rate)
-    length = round(scenario.analysis.frame * recording.sample_rate)
-    count = recording.length // length
-    if count == 0:
-        raise InputError(
-            f"{recording.source} lasts {recording.duration:g} s; "
-            f"expected at least one frame of {scenario.analysis.frame:g} s."
-        )
+    plan, length, count = planned(recording, array, scenario)
     bearing = np.degrees(plan.grid.bearing)
     axis = Axis(float(bearing[0]), float(bearing[1] - bearing[0]), len(bearing))
 
