@@ -15,7 +15,7 @@ TARGET_SECONDS = 20.0
 
 
 def study_seconds(machine: Machine, sizes: Sizes) -> Row:
-    """The quick study of liu2013: 100 runs of all its methods in both forms of the likelihood, compilation included."""
+    """The quick study of liu2013: 100 runs, its three methods in both forms of the likelihood, compilation included."""
     with tempfile.TemporaryDirectory(prefix="faintrack-") as folder:
         command = [sys.executable, "-m", "faintrack.cli", "study", "run", sizes.study, "--quick", "--json"]
         fresh = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(Path(folder) / "compiled")}
