@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from faintrack.bench.rows import timed
+from faintrack.draws import normal
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ def measure(size: int = 2048, seconds: float = 1.0) -> Machine:
     size : rows and columns of the matrices; size^2 random numbers are drawn.
     seconds : of repeating, each.
     """
-    draw = jax.jit(lambda key: jax.random.normal(key, (size, size)))
+    draw = jax.jit(lambda key: normal(key, (size, size)))
     multiply = jax.jit(jnp.matmul)
     key = jax.random.key(0)
     matrix = draw(key)

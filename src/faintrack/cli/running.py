@@ -1,19 +1,15 @@
 """Runs with progress: simulation to a file, recording to a result."""
 
-import contextlib
-import json
 import os
-import sys
-import time as clock
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
 
 import jax
 import xarray as xr
 
 from faintrack.bearings import Bearings
 from faintrack.calibration import Calibrated, calibrate
+from faintrack.cli.progress import progress, progress_bar
 from faintrack.errors import InputError, naming
 from faintrack.io import read_array, read_sequence, write_recording
 from faintrack.io.ais import read_ships
@@ -36,12 +32,8 @@ from faintrack.session_bearings import track_bearing_blocks
 from faintrack.session_frames import track_frame_blocks, with_frames
 from faintrack.session_returns import track_ping_blocks
 from faintrack.session_stations import put_together, track_record_blocks
-from faintrack.studies.folder import open_folder
-from faintrack.studies.running import cache_folder, connect, run_missing
-from faintrack.studies.study import load
+from faintrack.studies.running import cache_folder
 from faintrack.truth_ships import beside, ships_dataset
-
-Item = TypeVar("Item")
 
 
 def scenario_and_array(
@@ -189,77 +181,6 @@ def run_simulation(scenario: Scenario, array: SensorArray, out: Path) -> None:
     if table is not None:
         blocks = progress(blocks, "simulating", round(table.duration * table.sample_rate), len, quiet=False)
         write_recording(out, blocks, table.sample_rate, array.channel_names)
-
-
-def run_study(
-    where: str,
-    out: Path,
-    seed: int | None,
-    quick: bool,
-    runs: int | None,
-    resume: bool,
-    workers: int | None,
-    scheduler: str | None,
-    quiet: bool,
-) -> dict[str, Any]:
-    """Compute what a study's folder lacks, then its rows and figures; the summary is what `--json` prints."""
-    start = clock.perf_counter()
-    study = load(where)
-    with open_folder(out, study, seed, quick, runs, resume) as folder:
-        missing = {setting.name: len(folder.missing(setting)) * setting.batch for setting in study.settings}
-        if any(missing.values()):
-            scans = sum(missing[setting.name] * setting.scans for setting in study.settings)
-            with connect(workers, scheduler) as client:
-                done = run_missing(client, where, folder)
-                for _ in progress(done, study.name, scans, lambda pair: pair[1] * pair[0].scans, quiet):
-                    pass
-        rows = [row.as_dict() for row in study.rows(folder.results)]
-        study.figures(folder.results, out)
-        seconds = round(clock.perf_counter() - start, 1)
-        summary = {"study": study.name, "runs": folder.plan.runs, "seed": folder.plan.seed, "seconds": seconds}
-        summary["rows"] = rows
-        folder.keep("rows.json", json.dumps(summary, indent=2) + "\n")
-    return summary
-
-
-def progress(items: Iterable[Item], label: str, total: int, size: Callable[[Item], int], quiet: bool) -> Iterator[Item]:
-    """Yield items while a bar on standard error shows how much is done; silent where nobody looks."""
-    with progress_bar(label, quiet) as advance:
-        for item in items:
-            yield item
-            advance(size(item), total)
-
-
-@contextlib.contextmanager
-def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """Function that is told how much was done just now, and of how much; it shows share, rate and time left."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
-    from rich.text import Text
-
-    class Rate(ProgressColumn):
-        """Of what is counted, a second."""
-
-        def render(self, task: Any) -> Text:
-            return Text("" if task.speed is None else f"{task.speed:.0f}/s")
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        Rate(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(label, total=None)
-
-        def advance(done: int, total: int) -> None:
-            bar.update(task, advance=done, total=total)
-
-        yield advance
 
 
 def keep_compilations() -> None:

@@ -2,12 +2,14 @@
 
 import json
 import sys
+import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from faintrack.cli.commands import Json
+from faintrack.cli.progress import progress
 
 app = typer.Typer(help="Monte Carlo studies: what a paper says, beside what comes out.", no_args_is_help=True)
 
@@ -50,7 +52,6 @@ def run(
 
     Example: [bold]faintrack study run bosser2022 --quick[/bold]
     """
-    from faintrack.cli.running import run_study
     from faintrack.cli.tables import print_study
     from faintrack.errors import InputError
     from faintrack.studies.study import load
@@ -69,3 +70,38 @@ def run(
     else:
         print_study(summary)
         print(f"figures    {folder}")
+
+
+def run_study(
+    where: str,
+    out: Path,
+    seed: int | None,
+    quick: bool,
+    runs: int | None,
+    resume: bool,
+    workers: int | None,
+    scheduler: str | None,
+    quiet: bool,
+) -> dict[str, Any]:
+    """Compute what a study's folder lacks, then its rows and figures; the summary is what `--json` prints."""
+    from faintrack.studies.folder import open_folder
+    from faintrack.studies.running import connect, run_missing
+    from faintrack.studies.study import load
+
+    start = time.perf_counter()
+    study = load(where)
+    with open_folder(out, study, seed, quick, runs, resume) as folder:
+        missing = {setting.name: len(folder.missing(setting)) * setting.batch for setting in study.settings}
+        if any(missing.values()):
+            scans = sum(missing[setting.name] * setting.scans for setting in study.settings)
+            with connect(workers, scheduler) as client:
+                done = run_missing(client, where, folder)
+                for _ in progress(done, study.name, scans, lambda pair: pair[1] * pair[0].scans, quiet):
+                    pass
+        rows = [row.as_dict() for row in study.rows(folder.results)]
+        study.figures(folder.results, out)
+        seconds = round(time.perf_counter() - start, 1)
+        summary = {"study": study.name, "runs": folder.plan.runs, "seed": folder.plan.seed, "seconds": seconds}
+        summary["rows"] = rows
+        folder.keep("rows.json", json.dumps(summary, indent=2) + "\n")
+    return summary

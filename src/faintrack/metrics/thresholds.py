@@ -24,8 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import expit, logit
-from scipy.stats import norm
+from scipy.special import expit, logit, ndtri
 
 from faintrack.errors import InputError
 from faintrack.metrics.intervals import quantile_interval, tail
@@ -117,7 +116,7 @@ def wald_threshold(strata: Sequence[Stratum], probability: float, confidence: fl
     low, high = np.clip([highest.min(), np.quantile(highest, 0.98)], -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS)
     grid = np.linspace(float(low), float(high), 1000)
     estimates = np.array([_declared(strata, level) for level in grid])
-    z = norm.isf(tail(confidence))
+    z = -ndtri(tail(confidence))
     middle, spread = estimates.T
 
     def crossing(values: np.ndarray) -> float:

@@ -14,8 +14,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.stats
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from scipy.special import gammainccinv, gammaincinv, ndtr
 
 from faintrack.sensors.cells import Cells, CellScan
 
@@ -43,10 +43,9 @@ class CompoundClutter(eqx.Module):
 
     def level(self, normal: Float[Array, "..."]) -> Float[Array, "..."]:
         """Level where the Gaussian field has a value."""
-        gamma = scipy.stats.gamma(self.shape, scale=1 / self.shape)
-        below = gamma.ppf(scipy.stats.norm.cdf(QUANTILES[QUANTILES <= 0]))
-        above = gamma.isf(scipy.stats.norm.sf(QUANTILES[QUANTILES > 0]))
-        logs = np.log(np.maximum(np.concatenate([below, above]), np.finfo(np.float32).tiny))
+        below = gammaincinv(self.shape, ndtr(QUANTILES[QUANTILES <= 0]))
+        above = gammainccinv(self.shape, ndtr(-QUANTILES[QUANTILES > 0]))
+        logs = np.log(np.maximum(np.concatenate([below, above]) / self.shape, np.finfo(np.float32).tiny))
         return self.mean * jnp.exp(jnp.interp(normal, QUANTILES, logs)).astype(normal.dtype)
 
 

@@ -23,7 +23,7 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from faintrack.metrics.accuracy import rmse
 from faintrack.metrics.change_of_measure import log_probability_under_noise
@@ -56,7 +56,7 @@ def rows(results: Results) -> list[Row]:
 
 def false_alarm(scans: int) -> float:
     """Probability of the module's equation, at `DETECTION`."""
-    return float(norm.sf(math.sqrt(scans * SNR) - norm.isf(1 - DETECTION)))
+    return float(ndtr(-ndtri(1 - DETECTION) - math.sqrt(scans * SNR)))
 
 
 def _peaks(results: Results) -> list[Row]:
@@ -78,7 +78,7 @@ def _median(key: str, name: str, unit: str, paper: float | None, runs: ArrayLike
     runs = np.asarray(runs, float)
 
     def spread(runs: np.ndarray) -> float:
-        return float(np.diff(np.quantile(runs, norm.cdf([-1.0, 1.0])))[0] / 2)
+        return float(np.diff(np.quantile(runs, ndtr([-1.0, 1.0])))[0] / 2)
 
     low, high = bootstrap_interval(spread, runs, BOOTSTRAPS)
     return [
@@ -137,7 +137,7 @@ def _log10(alarm: Callable[[float], tuple[float, float]], threshold: float, boun
         if not np.isfinite(bound):
             return None
         log, error = alarm(bound)
-        return (log + side * norm.isf(0.025) * error) / math.log(10)
+        return (log - side * ndtri(0.025) * error) / math.log(10)
 
     return value / math.log(10), (end(bounds[1], -1.0), end(bounds[0], 1.0))
 
