@@ -1,4 +1,4 @@
-r"""Random numbers in single precision, at a third of the time of JAX's own on a CPU.
+r"""Random numbers in single precision, at a quarter of the time of JAX's own on a CPU.
 
 JAX turns a key and a counter into random words by Threefry (Salmon et al., *Parallel random numbers: as easy as 1, 2,
 3*, 2011), in a loop over its rounds that writes every round to memory, and keeps one word of two. Here the rounds are
@@ -45,7 +45,7 @@ def uniform(key: PRNGKeyArray, shape: tuple[int, ...], dtype: Any = jnp.float32)
     if not _single(key, dtype):
         return jax.random.uniform(key, shape, dtype)
     size = math.prod(shape)
-    first, second = words(key, _count((size + 1) // 2))
+    first, second = words(key, (size + 1) // 2)
     return jnp.concatenate([_unit(first), _unit(second)])[:size].reshape(shape)
 
 
@@ -61,12 +61,8 @@ def normal(key: PRNGKeyArray, shape: tuple[int, ...], dtype: Any = jnp.float32) 
     if not _single(key, dtype):
         return jax.random.normal(key, shape, dtype)
     size = math.prod(shape)
-    pairs = (size + 1) // 2
-    number = _count(2 * pairs)
-    # Both numbers of a pair are formed anew, in one loop: two halves put together XLA computes number by number, ten
-    # times as slow where nothing is mapped over.
-    length, sine, cosine = _turned(*words(key, jnp.where(number < pairs, number, number - pairs)))
-    return (length * jnp.where(number < pairs, cosine, sine))[:size].reshape(shape)
+    pairs = normal_pairs(key, (size + 1) // 2, dtype)
+    return jnp.concatenate([pairs.real, pairs.imag])[:size].reshape(shape)
 
 
 @partial(jax.jit, static_argnames=("count", "dtype"))
@@ -77,27 +73,27 @@ def normal_pairs(key: PRNGKeyArray, count: int, dtype: Any = jnp.float32) -> Com
     """
     if not _single(key, dtype):
         return jax.lax.complex(*jax.random.normal(key, (2, count), dtype))
-    length, sine, cosine = _turned(*words(key, _count(count)))
+    first, second = words(key, count)
+    size = jnp.sqrt(-2 * jnp.log(1 - _unit(first)))
+    sine, cosine = sine_cosine(2 * jnp.pi * _unit(second))
     # Complex, so that XLA forms both at once.
-    return jax.lax.complex(length * cosine, length * sine)
+    return jax.lax.complex(size * cosine, size * sine)
 
 
-@jax.jit
-def words(
-    key: PRNGKeyArray, counter: UInt32[Array, " count"]
-) -> tuple[UInt32[Array, " count"], UInt32[Array, " count"]]:
-    """Two random words for each counter under a key: Threefry of 2 words and 20 rounds.
+@partial(jax.jit, static_argnames="count")
+def words(key: PRNGKeyArray, count: int) -> tuple[UInt32[Array, " count"], UInt32[Array, " count"]]:
+    """Two random words for each of the counters 0, 1, ... under a key: Threefry of 2 words and 20 rounds.
 
     Examples
     --------
-    >>> first, second = words(jax.random.key(0), jnp.zeros(1, jnp.uint32))
+    >>> first, second = words(jax.random.key(0), 1)
     >>> f"{int(first[0]):x} {int(second[0]):x}"
     '6b200159 99ba4efe'
     """
     low, high = jax.random.key_data(key)
     keys = (low, high, low ^ high ^ jnp.uint32(PARITY))
-    first = jnp.full(counter.shape, keys[0])
-    second = counter + keys[1]
+    first = jnp.full(count, keys[0])
+    second = jax.lax.iota(jnp.uint32, count) + keys[1]
     for turn in range(5):
         for bits in ROTATIONS[turn % 2]:
             first = first + second
@@ -105,19 +101,6 @@ def words(
         first = first + keys[(turn + 1) % 3]
         second = second + keys[(turn + 2) % 3] + jnp.uint32(turn + 1)
     return first, second
-
-
-def _count(count: int) -> UInt32[Array, " count"]:
-    """Counters 0, 1, ..."""
-    return jax.lax.iota(jnp.uint32, count)
-
-
-def _turned(
-    first: UInt32[Array, " count"], second: UInt32[Array, " count"]
-) -> tuple[Float[Array, " count"], Float[Array, " count"], Float[Array, " count"]]:
-    """Length of each pair, and the sine and cosine of its direction (the module's equation)."""
-    sine, cosine = sine_cosine(2 * jnp.pi * _unit(second))
-    return jnp.sqrt(-2 * jnp.log(1 - _unit(first))), sine, cosine
 
 
 def _single(key: PRNGKeyArray, dtype: Any) -> bool:
