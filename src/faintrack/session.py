@@ -204,7 +204,7 @@ def _take_in(
     return following, estimates, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(energies(scans)), 1e-6))
 
 
-def planned(recording: Recording, array: SensorArray, scenario: Scenario) -> tuple[Beamformer, int, int]:
+def plan_frames(recording: Recording, array: SensorArray, scenario: Scenario) -> tuple[Beamformer, int, int]:
     """Beamformer of a recording, samples of a frame, and number of frames.
 
     Raises
@@ -229,7 +229,7 @@ def _advance(
     recording: Recording, array: SensorArray, scenario: Scenario, block_frames: int | None = None
 ) -> Iterator[tuple[FrameBlock, Any, Any, np.ndarray]]:
     """Yield blocks of frames with the tracker's state after them, its estimates and the rows of the record."""
-    plan, length, count = planned(recording, array, scenario)
+    plan, length, count = plan_frames(recording, array, scenario)
     seconds = scenario.likelihood.noise_seconds
     noise_power = None if seconds is None else measure_noise(recording, plan, length, seconds)
     with naming(recording.source):

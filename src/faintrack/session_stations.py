@@ -36,7 +36,7 @@ from faintrack.scenario.stations import parse_utc
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.stations import EnergyScan, Stations
 from faintrack.sequence import Sequence
-from faintrack.session import collect, planned
+from faintrack.session import collect, plan_frames
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies, standardised
 from faintrack.signal.frames import framed
@@ -173,7 +173,7 @@ def beamformed(recording: Recording, array: SensorArray, scenario: Scenario) -> 
     >>> record.times.tolist(), record.shape, abs(float(record.read(1, 3).mean()) - 1) < 0.1
     ([0.5, 1.5, 2.5], (180,), True)
     """
-    plan, length, count = planned(recording, array, scenario)
+    plan, length, count = plan_frames(recording, array, scenario)
     bearing = np.degrees(plan.grid.bearing)
     axis = Axis(float(bearing[0]), float(bearing[1] - bearing[0]), len(bearing))
 

@@ -5,9 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from faintrack.axis import between
 from faintrack.errors import InputError
+from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.sensors.stations import Fans
 from faintrack.trackers.beliefs import Beliefs
 from faintrack.trackers.detectors import around, tiles
+from faintrack.trackers.several import bearing_tracker
 from tests.region import FANS, STATIONS, tracker
 from tests.tolerances import rounding
 
@@ -79,3 +83,14 @@ def test_neighbours_in_every_array_that_hears_the_middle() -> None:
 def test_tiles_have_to_cover_the_region() -> None:
     with pytest.raises(InputError, match="cover 500 m of the 600 m along y"):
         tiles((0.0, 500.0), (0.0, 600.0), (2, 1), (10, 20), 25.0)
+
+
+@pytest.mark.parametrize(
+    ("line", "ends", "expected"), [(True, (-0.2, 1.0), "0 to 3.142"), (False, (0.0, 6.0), "-3.142 to 3.142")]
+)
+def test_bearings_that_no_array_of_the_kind_has_are_refused(
+    line: bool, ends: tuple[float, float], expected: str
+) -> None:
+    likelihood = BeamEnergies(Fans((0.0,), (0.1,), (30,), (line,)))
+    with pytest.raises(InputError, match=rf"bearings are sought from .* rad; expected some of {expected}"):
+        bearing_tracker(likelihood, between(*ends, 20), between(-0.1, 0.1, 3), 0.01, 1.0, 0.01, 0.01)

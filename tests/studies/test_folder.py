@@ -118,6 +118,12 @@ def test_runs_that_are_damaged(path: Path, file: str, content: bytes) -> None:
             read(study.settings[0])
 
 
+@pytest.mark.parametrize("file", ["place/.zarray", ".zgroup"])
+def test_no_runs_are_added_to_damaged_ones(path: Path, file: str) -> None:
+    (path / "runs.zarr" / "short" / file).write_text("garbage")
+    refuse(path, "short is damaged; delete it and run again with --resume", runs=60)
+
+
 def test_a_file_in_place_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "out").touch()
     with (

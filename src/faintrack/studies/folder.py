@@ -83,17 +83,12 @@ class Folder:
         runs = self.plan.runs[setting.name]
         used = min(setting.batch, runs - first)
         region = {"run": slice(first, first + used)}
-        try:
+        with self._writing():
             if not self._started(setting):
                 self._start(setting, arrays)
             values = {name: (("run", *setting.axes[name]), array[:used]) for name, array in arrays.items()}
             for variables in (values, {"done": ("run", np.ones(used, bool))}):
                 xr.Dataset(variables).to_zarr(self._runs, group=setting.name, region=region, consolidated=False)
-        except OSError as error:
-            raise InputError(
-                f"{self.path} cannot be written ({error.strerror or error}); what was written before is kept. Make "
-                "room and run again with --resume."
-            ) from error
 
     def results(self, name: str) -> xr.Dataset:
         """Finished runs of a setting, in memory.
@@ -114,12 +109,17 @@ class Folder:
         self.keep("study.json", json.dumps(content, indent=2) + "\n")
 
     def make_room(self) -> None:
-        """Lengthen the arrays of every setting that was begun with fewer runs."""
+        """Lengthen the arrays of every setting that was begun with fewer runs.
+
+        Raises
+        ------
+        InputError : they are damaged, or cannot be written.
+        """
         for setting in self.study.settings:
             if self._started(setting):
-                group = zarr.open_group(self._runs, path=setting.name, mode="r+")
-                for _, array in group.arrays():
-                    array.resize((self.plan.runs[setting.name], *array.shape[1:]))
+                with self._telling_damage(setting), self._writing():
+                    for _, array in zarr.open_group(self._runs, path=setting.name, mode="r+").arrays():
+                        array.resize((self.plan.runs[setting.name], *array.shape[1:]))
 
     def keep(self, name: str, text: str) -> None:
         """Write a text file of the folder, beside and renamed."""
@@ -135,11 +135,24 @@ class Folder:
         return (self._runs / setting.name).exists()
 
     @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """What the disk refuses within the block is told in one sentence."""
+        try:
+            yield
+        except OSError as error:
+            raise InputError(
+                f"{self.path} cannot be written ({error.strerror or error}); what was written before is kept. Make "
+                "room and run again with --resume."
+            ) from error
+
+    def _telling_damage(self, setting: Setting) -> contextlib.AbstractContextManager[None]:
+        return explained(f"{self._runs / setting.name} is damaged; delete it and run again with --resume")
+
+    @contextlib.contextmanager
     def _dataset(self, setting: Setting) -> Iterator[xr.Dataset]:
         """Runs of a setting, open for reading; damage that shows within the block is told."""
-        where = self._runs / setting.name
         with (
-            explained(f"{where} is damaged; delete it and run again with --resume"),
+            self._telling_damage(setting),
             xr.open_zarr(self._runs, group=setting.name, chunks=None, consolidated=False) as data,
         ):
             yield data
@@ -217,6 +230,7 @@ def open_folder(
                         "fewer."
                     )
                 folder = Folder(path, study, replace(kept, runs=more))
+                # Arrays that are longer than the plan are read up to its end, a plan beyond the arrays is not.
                 folder.make_room()
                 folder.describe()
         yield folder

@@ -140,7 +140,7 @@ def _worker_environment() -> dict[str, str]:
         "XLA_PYTHON_CLIENT_PREALLOCATE": "false",
         "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache_folder())),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1",
-        # The size of XLA's pool of threads, which no flag changes: two of them take turns at the work of one.
+        # XLA's pool of threads goes by this, not by the flags above: two of them would take turns at the work of one.
         "NPROC": "1",
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",

@@ -14,6 +14,7 @@ a lower one.
 """
 
 import dataclasses
+import math
 from typing import Any
 
 import equinox as eqx
@@ -23,6 +24,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.axis import Axis
 from faintrack.belief import covariance
+from faintrack.errors import InputError
 from faintrack.filters.adi import alternating_directions
 from faintrack.filters.grid import GridFilter
 from faintrack.grids import Grid
@@ -245,9 +247,20 @@ def bearing_tracker(
     arrival_rate, departure_rate : of a target; per second.
     slots, particles : see `faintrack.trackers.joint.JointTrackers`.
     options : see `SeveralTargetsTracker`.
+
+    Raises
+    ------
+    InputError : bearings beyond those.
     """
+    circular = not likelihood.fans.line[0]
+    low, high = (-math.pi, math.pi) if circular else (0.0, math.pi)
+    if bearing.edges[0] < low - 1e-6 or bearing.edges[-1] > high + 1e-6:
+        raise InputError(
+            f"bearings are sought from {bearing.edges[0]:.4g} to {bearing.edges[-1]:.4g} rad; expected some of "
+            f"{low:.4g} to {high:.4g}."
+        )
     grid = Grid(BearingState, (("bearing_rate", bearing_rate), ("bearing", bearing)))
-    motion = BearingMotion(rate_noise, circular=not likelihood.fans.line[0])
+    motion = BearingMotion(rate_noise, circular=circular)
     target = Target(None, motion, arrival_rate, departure_rate)
     filter = GridFilter(grid, target, alternating_directions(grid, rate_noise, interval))
     watch = Detectors(filter, BearingState(*(jnp.zeros(1),) * 3))
