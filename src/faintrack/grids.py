@@ -87,19 +87,14 @@ class Grid(Lattice):
         return self.kind(**meshes)
 
     def draw(self, key: PRNGKeyArray, dtype: Any = jnp.float32) -> Any:
-        """One state of every cell, drawn evenly; components have the shape of the grid."""
-        places = uniform(key, (len(self.axes), *self.shape), dtype) - 0.5
-        middles = self.states(dtype)
-        drawn = {
-            name: getattr(middles, name) + axis.step * place
-            for (name, axis), place in zip(self.axes, places, strict=True)
-        }
-        others = {
-            field.name: jnp.zeros(self.shape, dtype)
-            for field in dataclasses.fields(middles)
-            if field.name not in self.names
-        }
-        return self.kind(**drawn, **others)
+        """One state of every cell, drawn evenly; components are flat, cells in the order of the grid."""
+        drawn = {field.name: jnp.zeros(self.size, dtype) for field in dataclasses.fields(self.kind)}
+        # With the middles in memory XLA has one long loop, where those of an open mesh make it one of many short ones.
+        middles = np.meshgrid(*(axis.values for _, axis in self.axes), indexing="ij")
+        for number, ((name, axis), middle) in enumerate(zip(self.axes, middles, strict=True)):
+            place = uniform(jax.random.fold_in(key, number), (self.size,), dtype) - 0.5
+            drawn[name] = jnp.asarray(middle.ravel(), dtype) + axis.step * place
+        return self.kind(**drawn)
 
 
 def surface(belief: Belief) -> Float[Array, "*cells"]:

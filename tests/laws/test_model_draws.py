@@ -19,7 +19,6 @@ from faintrack.simulation.spectra import draw_spectra, over_spectra
 from faintrack.targets.motion import BearingMotion
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import Target, UniformBirth, rates
-from faintrack.trigonometry import sine_cosine
 from tests.scenes import COLOURED
 from tests.tolerances import assert_equal, errors_apart
 
@@ -160,26 +159,6 @@ def test_handed_out_spectra_are_the_drawn_ones() -> None:
     np.testing.assert_allclose(found, spectra(jax.random.key(7), DEAD, bearing, snr_db, power), rtol=1e-6, atol=1e-6)
     # No two frames alike.
     assert len(np.unique(np.asarray(found)[:, 0, 0, 0])) == FRAMES
-
-
-# Sines
-
-
-def test_sine_and_cosine_in_single_precision() -> None:
-    """The stated error: 4e-7, and 1e-7 of the angle. Also at the eighths of a turn, where the series change."""
-    angle = np.concatenate([np.linspace(-300, 300, 200_001), np.arange(-380, 381) * np.pi / 4]).astype(np.float32)
-    sine, cosine = (np.asarray(values, float) for values in sine_cosine(jnp.asarray(angle)))
-    exact, allowed = angle.astype(float), 4e-7 + 1e-7 * np.abs(angle)
-    assert np.all(np.abs(sine - np.sin(exact)) <= allowed)
-    assert np.all(np.abs(cosine - np.cos(exact)) <= allowed)
-
-
-def test_sine_and_cosine_in_double_precision_are_those_of_jax(float64: type) -> None:
-    angle = jnp.linspace(-300.0, 300.0, 1001)
-    assert angle.dtype == float64
-    sine, cosine = sine_cosine(angle)
-    np.testing.assert_array_equal(sine, jnp.sin(angle))
-    np.testing.assert_array_equal(cosine, jnp.cos(angle))
 
 
 # Gain

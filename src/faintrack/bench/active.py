@@ -23,7 +23,7 @@ from faintrack.studies.aughenbaugh2010 import runs, scene
 SCAN = 20
 """Of the run that is timed: the target is in view."""
 RUNS = 8
-"""Side by side."""
+"""In a batch."""
 
 
 def fm_scan_base(machine: Machine, sizes: Sizes) -> Row:
@@ -57,8 +57,8 @@ def cw_scan_moving(machine: Machine, sizes: Sizes) -> Row:
 
 
 def fm_scan_batch(machine: Machine, sizes: Sizes) -> Row:
-    """FM on the base grid, several runs side by side."""
-    how = f"share of one of {RUNS} runs side by side"
+    """FM on the base grid, several runs in one call."""
+    how = f"share of one of {RUNS} runs"
     return _row("fm_scan_batch", "fm", sizes.base, 15.0, None, how, sizes, count=RUNS)
 
 
@@ -112,7 +112,7 @@ def _row(
 @eqx.filter_jit
 def _stepped(filter: GridFilter, means: Guided, before: Belief, pings: Ping, keys: Array) -> Belief:
     """Beliefs after one scan, of runs that begin alike."""
-    return jax.vmap(lambda ping, key: step(filter, means, before, ping, key)[0])(pings, keys)
+    return jax.lax.map(lambda ping_key: step(filter, means, before, *ping_key)[0], (pings, keys))
 
 
 def _guided(pulse: str, cells: tuple[int, int], moving: bool) -> Guided:

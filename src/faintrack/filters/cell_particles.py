@@ -50,18 +50,18 @@ class CellParticles(eqx.Module):
         def drop(number: Array, counted: Array) -> Array:
             """Add what one particle of every cell carries; behind the cells, what has left them."""
             landing = self._landing(jax.random.fold_in(key, number), weights.dtype)
-            return counted.at[landing.ravel()].add(each)
+            return counted.at[landing].add(each)
 
         counted = jax.lax.fori_loop(0, self.count, drop, jnp.zeros(weights.size + 1, weights.dtype))
         return counted[:-1].reshape(weights.shape), counted[-1]
 
-    def _landing(self, key: PRNGKeyArray, dtype: Any) -> Int[Array, "*cells"]:
+    def _landing(self, key: PRNGKeyArray, dtype: Any) -> Int[Array, " cell"]:
         """Number of the cell that one particle of every cell ends in; the number of cells where it has left."""
         for_place, for_motion = jax.random.split(key)
         grid = self.grid
         moved = self.motion.move(grid.draw(for_place, dtype), self.interval, for_motion)
         rates = set(grid.kind.rates.values())
-        landing, inside = jnp.zeros(grid.shape, jnp.int32), jnp.ones(grid.shape, bool)
+        landing, inside = jnp.zeros(grid.size, jnp.int32), jnp.ones(grid.size, bool)
         for name, axis in grid.axes:
             index = axis.nearest(getattr(moved, name))
             if name not in rates:

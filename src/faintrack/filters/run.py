@@ -77,7 +77,7 @@ def run(
     filter, likelihood : what carries the belief, and what takes in a scan.
     scans : as many scans as the first axis of every field is long.
     key : every scan makes its own key from it; the same key gives the same bits. A batch of runs is `jax.vmap` over
-        keys or scans.
+        keys or scans; of runs on large grids, which together would not fit a core's cache, `jax.lax.map`.
     keep : what to keep of the belief after each scan; all of it where not given.
     start : belief before the first scan; what the filter begins with where not given.
 

@@ -29,6 +29,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
+from faintrack.trigonometry import arctan2
 
 
 class BearingSetLikelihood(eqx.Module):
@@ -109,7 +110,7 @@ class BearingSetLikelihood(eqx.Module):
     def _terms(self, scan: BearingSet, states: Any) -> tuple[Array, Array, Array]:
         """Logs of the terms of the full ratio: of a target that was missed, of each entry; whether in the sector."""
         sensor = self.sensor
-        expected = jnp.arctan2(states.y - scan.observer.y, states.x - scan.observer.x)
+        expected = arctan2(states.y - scan.observer.y, states.x - scan.observer.x)
         entry = (len(scan.bearing), *(1,) * expected.ndim)
         off = scan.bearing.reshape(entry) - expected
         off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))

@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
 from faintrack.targets.states import PlanarState
+from faintrack.trigonometry import arctan2
 
 Position = tuple[float, float]
 Probability = Callable[[Array], Array]
@@ -148,7 +149,7 @@ class BearingContact(eqx.Module):
         return Contact(time, jnp.arctan2(jnp.sin(drawn), jnp.cos(drawn)))
 
     def _bearing(self, states: PlanarState) -> Array:
-        return jnp.arctan2(states.y - self.position[1], states.x - self.position[0])
+        return arctan2(states.y - self.position[1], states.x - self.position[0])
 
 
 class RangeDetection(eqx.Module):

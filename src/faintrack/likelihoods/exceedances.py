@@ -87,9 +87,15 @@ class ExceedanceLikelihood(eqx.Module):
         ping : returns of one ping.
         states : position and, where Doppler is measured, velocity; broadcast against each other.
         """
-        delay, beam, shift = jnp.broadcast_arrays(*self.sonar.place(self.sonar.geometry(ping), states))
-        total = self._quiet_at(delay, beam, shift) + self._returns_at(ping, delay, beam, shift)
-        return jnp.where(self.sonar.heard(delay, shift), total, 0)
+        place = jnp.broadcast_arrays(*self.sonar.place(self.sonar.geometry(ping), states))
+        arrays, others = eqx.partition(self, eqx.is_array)
+
+        # Side by side, runs would wait for the one with the most states near returns, and pass over no return.
+        @jax.custom_batching.sequential_vmap
+        def told(arrays: ExceedanceLikelihood, ping: Ping, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
+            return eqx.combine(arrays, others)._at(ping, place)
+
+        return told(arrays, ping, jnp.stack([each.ravel() for each in place])).reshape(place[0].shape)
 
     def told(self, response: Real, power: Real) -> Real:
         """What a return adds for a target with this response in its bin: the bracket of the module's equation."""
@@ -116,31 +122,33 @@ class ExceedanceLikelihood(eqx.Module):
             for (a, share_a), (b, share_b), (c, share_c) in itertools.product(*ends)
         )
 
-    def _returns_at(self, ping: Ping, delay: Real, beam: Real, shift: Real) -> Real:
-        """What the returns add: a look for states that a return is near, then those alone, a block at a time."""
-        arrays, others = eqx.partition(self, eqx.is_array)
+    def _at(self, ping: Ping, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
+        """Log ratio at bin numbers: of the quiet bins, and where a return is near what it adds, a block at a time."""
+        # What a branch reads is in memory; otherwise XLA would work the places out anew for everything that reads them.
+        return jax.lax.cond(
+            ping.there.any(),
+            lambda place: self._with_returns(ping, place),
+            lambda place: self._without_returns(place),
+            place,
+        )
 
-        # Side by side, runs would wait for the one with the most states near returns, and pass over no return.
-        @jax.custom_batching.sequential_vmap
-        def told(arrays: ExceedanceLikelihood, ping: Ping, states: Float[Array, "3 state"]) -> Float[Array, " state"]:
-            return eqx.combine(arrays, others)._told_of(ping, states)
+    def _without_returns(self, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
+        return jnp.where(self.sonar.heard(place[0], place[2]), self._quiet_at(*place), 0)
 
-        return told(arrays, ping, jnp.stack([each.ravel() for each in (delay, beam, shift)])).reshape(delay.shape)
-
-    def _told_of(self, ping: Ping, states: Float[Array, "3 state"]) -> Float[Array, " state"]:
-        """`_returns_at`, of one ping."""
-        before = jnp.floor(states).astype(jnp.int32)
-        close = self._reached(ping)[before[0] + 1, before[1] % self.sonar.beams, before[2] + 1]
+    def _with_returns(self, ping: Ping, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
+        heard = self.sonar.heard(place[0], place[2])
+        before = jnp.floor(place).astype(jnp.int32)
+        close = heard & self._reached(ping)[before[0] + 1, before[1] % self.sonar.beams, before[2] + 1]
         at_once = min(BLOCK, close.size)
-        (order,) = jnp.nonzero(close, size=close.size + at_once, fill_value=close.size)
+        order = _numbers(close, close.size + at_once)
 
         def take_in(block: Int[Array, ""], total: Array) -> Array:
             index = jax.lax.dynamic_slice(order, (block * at_once,), (at_once,))
-            here = states[:, jnp.minimum(index, close.size - 1)]
-            return total.at[index].set(self._all_told(ping, *here), mode="drop")
+            here = place[:, jnp.minimum(index, close.size - 1)]
+            return total.at[index].add(self._all_told(ping, *here), mode="drop")
 
         blocks = -(-close.sum() // at_once)
-        return jax.lax.fori_loop(0, blocks, take_in, jnp.zeros_like(states[0]))
+        return jax.lax.fori_loop(0, blocks, take_in, self._without_returns(place))
 
     def _reached(self, ping: Ping) -> Bool[Array, "delay beam shift"]:
         """Whether a return is within reach between a bin and the next; delay and Doppler begin before the first bin."""
@@ -172,6 +180,12 @@ class ExceedanceLikelihood(eqx.Module):
             )
 
         return jax.lax.fori_loop(first, last, one, jnp.zeros_like(delay))
+
+
+def _numbers(which: Bool[Array, " state"], size: int) -> Int[Array, " size"]:
+    """Numbers of those that are true, then the count of all: `jax.numpy.nonzero` with half of its sums."""
+    place = jnp.where(which, jnp.cumsum(which) - 1, size)
+    return jnp.full(size, which.size).at[place].set(jnp.arange(which.size), mode="drop", unique_indices=True)
 
 
 def quiet_bin(mean: Any, threshold: float) -> Any:

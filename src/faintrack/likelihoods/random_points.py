@@ -64,9 +64,8 @@ class RandomPoints(eqx.Module):
         grid, time = self.grid, jnp.asarray(scan.time, jnp.float32)
         key = jax.random.fold_in(self.key, jax.lax.bitcast_convert_type(time, jnp.uint32))
 
-        def draw(number: Int[Array, ""], total: Float[Array, "*cells"]) -> Float[Array, "*cells"]:
-            states = grid.draw(jax.random.fold_in(key, number))
-            return jnp.logaddexp(total, self.likelihood.log_ratio(scan, states))
+        def told(number: Int[Array, ""] | int) -> Float[Array, " cell"]:
+            return self.likelihood.log_ratio(scan, grid.draw(jax.random.fold_in(key, number)))
 
-        nothing = jnp.full(grid.shape, -jnp.inf)
-        return jax.lax.fori_loop(0, self.count, draw, nothing) - jnp.log(self.count)
+        total = jax.lax.fori_loop(1, self.count, lambda number, total: jnp.logaddexp(total, told(number)), told(0))
+        return (total - jnp.log(self.count)).reshape(grid.shape)

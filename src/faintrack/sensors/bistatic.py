@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from faintrack.targets.states import PlanarState
+from faintrack.trigonometry import arctan2
 
 Real = Float[Array, "..."]
 
@@ -59,7 +60,7 @@ class Bistatic(eqx.Module):
         """Delay from transmission to arrival, s, and bearing of the echo at the receiver, radians."""
         east, north = states.x - self.receiver.x, states.y - self.receiver.y
         there = jnp.hypot(states.x - self.source.x, states.y - self.source.y)
-        return (jnp.hypot(east, north) + there) / self.sound_speed, jnp.arctan2(north, east)
+        return (jnp.hypot(east, north) + there) / self.sound_speed, arctan2(north, east)
 
     def doppler(self, states: Any, frequency: float) -> Real:
         r"""Shift of an echo's frequency, Hz; positive where the path shortens.

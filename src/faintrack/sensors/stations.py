@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.errors import InputError
+from faintrack.trigonometry import arctan2
 
 TURN = 2 * np.pi
 
@@ -120,7 +121,7 @@ class Fans(eqx.Module):
         east = states.x - stations.x.reshape(shape)
         north = states.y - stations.y.reshape(shape)
         line = np.array(self.line).reshape(shape)
-        bearing = jnp.arctan2(east, north)
+        bearing = arctan2(east, north)
         off = bearing - stations.heading.reshape(shape)
         off = jnp.abs(off - TURN * jnp.round(off / TURN))
         return jnp.where(line, off, bearing)

@@ -31,19 +31,17 @@ def _run(pulse: str, method: str) -> runs.Run:
     return runs.by_guided(pulse, cells, reduced=method == "reduced")
 
 
-def _setting(pulse: str, method: str, run: runs.Run, full: int, quick: int, batch: int, cost: int) -> Setting:
+def _setting(pulse: str, method: str, run: runs.Run, full: int, quick: int, cost: int) -> Setting:
     axes = {**AXES, "snr": ("scan", "snr_db")} if method == "unknown_snr" else AXES
-    # All methods of a pulse see the same data.
-    return Setting(f"{pulse}_{method}", run, full, quick, axes, scans=cost, batch=batch, address=pulse)
+    # All methods of a pulse see the same data. One run at a time: it has a core's cache to itself.
+    return Setting(f"{pulse}_{method}", run, full, quick, axes, scans=cost, batch=1, address=pulse)
 
 
 SETTINGS = (
     *(
-        _setting(
-            pulse, method, _run(pulse, method), 150, 10, 5 if (pulse, method) == ("fm", "guided") else 1, COST[method]
-        )
+        _setting(pulse, method, _run(pulse, method), 150, 10, COST[method])
         for pulse in PULSES
         for method in (*METHODS, "reduced")
     ),
-    *(_setting("fm", name, run, 50, 0, 5, 6) for name, run in BEYOND.items()),
+    *(_setting("fm", name, run, 50, 0, 6) for name, run in BEYOND.items()),
 )
