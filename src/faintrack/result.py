@@ -61,12 +61,12 @@ class Result:
 
     @property
     def existence(self) -> xr.DataArray:
-        """Probability that a target exists, scan by scan; of several arrays, that of every slot does."""
+        """Probability that a target exists, scan by scan; of records, that of every slot does."""
         return self.data.existence
 
     @property
     def bearing(self) -> xr.DataArray:
-        """Bearing of the track in hand, degrees; not a number where there is none."""
+        """Bearing of the track in hand, in each slot where there are slots; degrees, not a number without a track."""
         return self.data.bearing.where(self.data.label > 0)
 
     @property
@@ -112,6 +112,8 @@ SCAN: dict[str, Literal["frame", "ping", "scan"]] = {
 
 def positions(data: xr.Dataset) -> list[str]:
     """Components of the position in the data of frames, returns or records; none in those of a recording."""
+    if "slot" in data.sizes and "x" not in data:
+        return ["bearing"]
     if "slot" in data.sizes:
         return ["x", "y", *(name for name in ("latitude", "longitude") if name in data)]
     return [name for name in ("x", "y", "range") if name + "_std" in data]

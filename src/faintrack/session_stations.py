@@ -24,11 +24,13 @@ from faintrack.result import Result
 from faintrack.result_stations import scans_dataset
 from faintrack.scenario.build_stations import (
     Path,
+    build_alone,
     build_fans,
     build_placed,
     build_plane,
     build_region,
     build_several,
+    placed_alone,
     require_heard,
 )
 from faintrack.scenario.model import Scenario
@@ -61,7 +63,7 @@ def track_records(
     ----------
     records : one for each station of the scenario, in their order; see `faintrack.io.records.read_record` and
         `beamformed`.
-    scenario : with tables of the stations and the region.
+    scenario : with tables of the stations and the region; without a region of one station.
     paths : of the stations that move, by name; see `faintrack.io.stations`.
     arrays : of the stations whose records were made of recordings, by name.
 
@@ -87,13 +89,18 @@ def track_record_blocks(
     block_scans : scans taken in at once.
     """
     together = put_together(records, scenario)
-    plane = build_plane(scenario)
-    region = build_region(scenario, plane)
-    placed = build_placed(scenario, together, paths, arrays, plane)
+    plane, placed = None, placed_alone(together)
+    if scenario.region is not None:
+        plane = build_plane(scenario)
+        region = build_region(scenario, plane)
+        placed = build_placed(scenario, together, paths, arrays, plane)
     fans = build_fans(scenario, together, arrays, placed)
     with naming(" and ".join(record.source for record in records)):
-        require_heard(scenario, fans, placed, region)
-        tracker = build_several(scenario, fans, region, together.interval)
+        if scenario.region is None:
+            tracker = build_alone(scenario, fans, together.interval)
+        else:
+            require_heard(scenario, fans, placed, region)
+            tracker = build_several(scenario, fans, region, together.interval)
     estimated = scenario.energies.absent is None
     # From an interval before the first scan on, so that a target may be there from the beginning; single precision
     # resolves no second in the years since 1970.

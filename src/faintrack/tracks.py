@@ -89,7 +89,7 @@ class PositionTrack:
     label : running number from 1.
     start_s, end_s : of the first and the last frame or ping of the track; seconds from the first of all.
     start, end : mean position at these, by component; unit of the axes. In the records of several arrays the latitude
-        and the longitude too, where they are known.
+        and the longitude too, where they are known; in those of an array by itself the bearing, degrees.
     speed : distance between the two over the time between them; unit of the axes a second, 0 for a single frame.
     existence_max : largest probability that the track's target exists.
     """
@@ -124,7 +124,7 @@ def position_tracks(
     ----------
     time : seconds, ascending; all arguments have the shape (frame,).
     label : of the track in hand, 0 where there is none.
-    position : components by name; those in degrees are not part of the way.
+    position : components by name. Latitude and longitude are not part of the way; that of a bearing is the shorter one.
     existence : of the track's target.
 
     Examples
@@ -139,7 +139,8 @@ def position_tracks(
         frames = np.flatnonzero(label == number)
         first, last = frames[0], frames[-1]
         start, end = ({name: float(values[frame]) for name, values in position.items()} for frame in (first, last))
-        way = math.hypot(*(end[name] - start[name] for name in start if name not in ("latitude", "longitude")))
+        ways = [end[name] - start[name] for name in start if name not in ("latitude", "longitude")]
+        way = abs(math.remainder(ways[0], 360)) if "bearing" in start else math.hypot(*ways)
         lasted = float(time[last] - time[first])
         tracks.append(
             PositionTrack(

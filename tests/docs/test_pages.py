@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES = [page for page in PAGES if not {"_build", "gallery"} & set(page.relative_to(ROOT).parts)]
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-LONG = {"track_active_sonar", "track_bearings", "track_images"}
+LONG = {"track_active_sonar", "track_bearings", "track_images", "track_several_sources"}
 """Pages whose commands the tests of the command line and of sessions give as well, on smaller files."""
 SHOWN_ONLY = {"bash", "text"}
 """Languages of blocks that nothing can check."""

@@ -175,7 +175,12 @@ STATION = {"name": "a", "x": 0.0, "y": 0.0, "heading_deg": 0.0}
         ({"region": {"y": None}}, "expected either x and y or latitude and longitude"),
         ({"region": {"latitude": [50.0, 51.0]}}, "found x and y and latitude and longitude"),
         ({"region": {"cell": 0.0}}, "region.cell is 0.0"),
-        ({"region": None}, "there are [[stations]] and no [region]"),
+        ({"region": None}, "there are 2 [[stations]] and no [region]: expected both"),
+        ({"region": None, "stations": [STATION]}, "a has x and y and there is no [region]: expected both or neither"),
+        (
+            {"region": None, "stations": [{"name": "a", "heading_deg": 9.0}]},
+            "a has heading_deg and there is no [region]",
+        ),
         ({"stations": None}, "there is [region] and no [[stations]]"),
         ({"stations": [GEO["stations"][0]]}, "west has latitude and longitude, and region has not"),
         ({"energies": {"present": [0.0, 1.0]}}, "present is 0 with standard deviation 1: expected above 0"),

@@ -96,6 +96,8 @@ def run_track_records(
     together = put_together(inputs.records, what)
     blocks = track_record_blocks(inputs.records, what, inputs.paths, inputs.arrays)
     if truth is not None:
+        if what.region is None:
+            raise InputError(f"{scenario} has no [region]; expected it with --truth, which tells where ships are.")
         blocks = beside(blocks, ships_dataset(read_ships(truth), together, what, str(truth)))
     return _run_blocks(blocks, together.length, what, None, out, quiet)
 
@@ -131,7 +133,7 @@ def scenario_without_array(paths: list[Path], scenario: Path | None, options: Ma
         if lone is not None:
             raise InputError(
                 f"{lone} holds returns of a sonar or a record, or bearings; expected a --scenario FILE with [sonar] "
-                "and [grid], with [bearings], or with [[stations]] and [region]."
+                "and [grid], with [bearings], or with [[stations]]."
             )
         if given or (what is not None and what.array is not None) or not all(map(holds_frames, paths)):
             return None

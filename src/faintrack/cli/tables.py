@@ -120,20 +120,22 @@ def print_study(summary: dict[str, Any]) -> None:
 
 def _position_columns(units: dict[str, str]) -> list[tuple[str, str, str]]:
     """Columns of tracks in a plane, a picture or a profile, whose positions have these units."""
+    units = {name: unit.replace("degree", "deg") for name, unit in units.items()}
     unit = next(iter(units.values()))
-    # In degrees the metres would only fill the line.
-    shown = {name: of for name, of in units.items() if of == "degree"} or units
+    # In latitude and longitude the metres would only fill the line.
+    shown = {name: of for name, of in units.items() if name in ("latitude", "longitude")}
+    form = ".4f" if shown else ".5g"
     places = [
-        (f"{name}_{side}", f"{name} {side} {'deg' if of == 'degree' else of}", ".4f" if of == "degree" else ".5g")
+        (f"{name}_{side}", f"{name} {side} {of}", ".1f" if name == "bearing" else form)
         for side in ("start", "end")
-        for name, of in shown.items()
+        for name, of in (shown or units).items()
     ]
     return [
         ("label", "track", "d"),
         ("start_s", "start s", ".5g"),
         ("end_s", "end s", ".5g"),
         *places,
-        ("speed", f"speed {unit}/s", ".5g"),
+        ("speed", f"speed {unit}/s", ".3g" if unit == "deg" else ".5g"),
         ("existence_max", "existence", ".4f"),
     ]
 

@@ -55,7 +55,8 @@ def open_stations(files: Sequence[str | Path], scenario: Scenario, folder: str |
 
     Parameters
     ----------
-    files : one for each station. They are in the order of the stations, or the stations name them.
+    files : one for each station. They are in the order of the stations, or the stations name them. Those of a station
+        by itself that has channels are put side by side.
     scenario : with stations.
     folder : where the scenario stands; paths and files of positions are relative to it.
 
@@ -65,7 +66,8 @@ def open_stations(files: Sequence[str | Path], scenario: Scenario, folder: str |
     """
     stations, folder = scenario.stations or (), Path(folder)
     records, paths, arrays = [], {}, {}
-    for table, file in zip(stations, _in_order([Path(file) for file in files], stations), strict=True):
+    for table, mine in zip(stations, _in_order([Path(file) for file in files], stations), strict=True):
+        file = mine[0]
         if table.path is not None:
             degrees = scenario.region is not None and scenario.region.latitude is not None
             paths[table.name] = read_path(folder / table.path, degrees, table.is_line)
@@ -78,7 +80,7 @@ def open_stations(files: Sequence[str | Path], scenario: Scenario, folder: str |
             raise InputError(
                 f"{file} is no record; expected array with the channels of station {table.name}, if it is a recording."
             )
-        recording = read(file)
+        recording = read(*mine)
         with naming(f"station {table.name}"):
             arrays[table.name] = match_channels(build(table.array, folder), recording)
             records.append(beamformed(recording, arrays[table.name], scenario))
@@ -153,15 +155,17 @@ def read_path(path: str | Path, degrees: bool = False, heading: bool = False) ->
     return columns
 
 
-def _in_order(files: list[Path], stations: tuple[StationTable, ...]) -> list[Path]:
-    """Files in the order of the stations."""
+def _in_order(files: list[Path], stations: tuple[StationTable, ...]) -> list[list[Path]]:
+    """Files of each station, in their order."""
+    if files and len(stations) == 1 and stations[0].array is not None:
+        return [files]
     if len(files) != len(stations):
         raise InputError(
             f"there are {len(files)} files for {len(stations)} stations ({', '.join(s.name for s in stations)}); "
             "expected one for each."
         )
     if all(table.file is None for table in stations):
-        return files
+        return [[file] for file in files]
     found = []
     for table in stations:
         named = [file for file in files if table.file is not None and file.name == Path(table.file).name]
@@ -170,5 +174,5 @@ def _in_order(files: list[Path], stations: tuple[StationTable, ...]) -> list[Pat
                 f"station {table.name} has the file {table.file}; expected one of that name among "
                 f"{', '.join(map(str, files))}."
             )
-        found += named
+        found.append(named)
     return found

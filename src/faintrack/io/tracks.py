@@ -1,8 +1,8 @@
 """Tracks of several targets for other programs: a table of positions, GeoJSON, tracks of Stone Soup.
 
-`positions.csv` has a row for every track and scan, tracks one after the other. `tracks.geojson` has a line for each
-track and is written where latitude and longitude are known, as its standard (RFC 7946) knows no metres; the property
-`coordTimes` tells the time of each of its points.
+`positions.csv` has a row for every track and scan, tracks one after the other; of an array by itself it has bearings.
+`tracks.geojson` has a line for each track and is written where latitude and longitude are known, as its standard (RFC
+7946) knows no metres; the property `coordTimes` tells the time of each of its points.
 """
 
 import csv
@@ -19,20 +19,28 @@ from faintrack.result import Result, tracks_of
 from faintrack.result_stations import COMPONENTS, each_target
 
 POSITIONS = ("label", "time_s", "x_m", "y_m", "vx", "vy", "x_std_m", "y_std_m", "xy_covariance_m2", "existence")
+BEARINGS = ("label", "time_s", "bearing_deg", "bearing_std_deg", "bearing_rate_deg", "existence")
 DEGREES = ("latitude", "longitude")
 
 
 def write_positions(path: Path, data: xr.Dataset) -> None:
-    """Positions of all tracks as CSV, with latitude and longitude where they are known.
+    """Positions of all tracks as CSV, with latitude and longitude where they are known; or their bearings.
 
     Parameters
     ----------
     path : of the file.
-    data : of a result of several arrays.
+    data : of a result of several arrays, or of one.
     """
     degrees = [name for name in DEGREES if name in data]
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
+        if "x" not in data:
+            names = ("bearing", "bearing_std", "bearing_rate", "existence")
+            writer.writerow(BEARINGS)
+            for label, mine in each_target(data, *names):
+                columns = [mine["time"], *(mine[name] for name in names)]
+                writer.writerows([label, *(f"{value:.9g}" for value in row)] for row in zip(*columns, strict=True))
+            return
         writer.writerow([*POSITIONS, *(f"{name}_deg" for name in degrees)])
         for label, mine in each_target(data, *COMPONENTS, "existence", "covariance", *degrees):
             covariance = mine["covariance"]
@@ -87,8 +95,9 @@ def to_stonesoup(result: Result) -> list[Any]:
     ------
     InputError : Stone Soup is not installed, or the result is of something else.
     """
-    if result.kind != "records":
-        raise InputError(f"the result is of {result.kind}; expected one of the records of several arrays.")
+    if result.kind != "records" or result.scenario.region is None:
+        told = "an array by itself" if result.kind == "records" else result.kind
+        raise InputError(f"the result is of {told}; expected one of the records of several arrays.")
     try:
         from stonesoup.types.array import CovarianceMatrix, StateVector
         from stonesoup.types.state import GaussianState

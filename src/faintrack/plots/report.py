@@ -61,7 +61,7 @@ def write_report(path: str | Path, result: Result) -> Path:
 def report(result: Result) -> str:
     """HTML text of a report."""
     facts = ABOUT[result.kind](result)
-    shown = SHOWN[result.kind]
+    shown = SHOWN[result.kind] if "detector_x" in result.data or result.kind != "records" else "Record, detection"
     rows = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in facts.items())
     source = result.data.attrs["source"]
     files = source.split(" and ") if result.kind == "records" else [source]
@@ -137,8 +137,9 @@ def _about_returns(result: Result) -> dict[str, str]:
 
 
 def _about_records(result: Result) -> dict[str, str]:
-    data, region = result.data, result.scenario.region
-    assert region is not None
+    data, region, target = result.data, result.scenario.region, result.scenario.target
+    fastest = f"{target.bearing_rate_deg:g} degrees a second" if region is None else f"{region.speed:g} m/s"
+    wide = "" if region is None else f", {region.cell:g} m wide"
     silent = data.record.isnull().all("beam").sum("time").values
     levels = result.scenario.energies.levels
     cells = " x ".join(str(count) for count in data.attrs["cells"])
@@ -151,18 +152,17 @@ def _about_records(result: Result) -> dict[str, str]:
             f"{name}, {'a line' if line else 'all around'}, {int(np.isfinite(beams).sum())} beams"
             + (f", {missing} scans without a row" if missing else "")
             for name, line, beams, missing in zip(
-                data.array.values, data.line.values, data.bearing.values, silent, strict=True
+                data.array.values, data.line.values, data.beam_bearing.values, silent, strict=True
             )
         ),
         "energies": "mean {:g} and standard deviation {:g} without a target, {:g} and {:g} with one".format(
             *levels[0], *levels[1]
         )
         + (", in standard deviations above each scan's median" if result.scenario.energies.absent is None else ""),
-        "detectors": f"{data.sizes['detector']} of {cells} cells, {region.cell:g} m wide, up to {region.speed:g} m/s",
+        "detectors": f"{data.sizes['detector']} of {cells} cells{wide}, up to {fastest}",
         "slots": f"{data.sizes['slot']}"
         + (f"; in {int(data.full.sum())} scans a target was found and no slot was free" if data.full.any() else ""),
-        "ellipses": f"{DEVIATIONS:g} standard deviations",
-    }
+    } | ({} if region is None else {"ellipses": f"{DEVIATIONS:g} standard deviations"})
 
 
 def _about_bearings(result: Result) -> dict[str, str]:
@@ -197,7 +197,7 @@ def _position_columns(result: Result) -> tuple[tuple[str, str, str], ...]:
     units = position_units(result.data)
     unit = next(iter(units.values()))
     places = [
-        (f"{name}_{side}", f"{name} at {side} ({of})", "{:.5f}" if of == "degree" else "{:.1f}")
+        (f"{name}_{side}", f"{name} at {side} ({of})", "{:.5f}" if name in ("latitude", "longitude") else "{:.1f}")
         for side in ("start", "end")
         for name, of in units.items()
     ]

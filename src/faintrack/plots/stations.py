@@ -32,25 +32,27 @@ KM = 1e-3
 def draw_records(result: Result) -> Figure:
     """Figure of a result of several arrays: map, a record for each array, probability of detection, number of tracks.
 
+    An array by itself has no map.
+
     Returns
     -------
     A matplotlib figure that belongs to no window.
     """
     data = result.data
     arrays = data.sizes["array"]
-    west, east, south, north = extent(data)
-    shape = (north - south) / (east - west)
-    heights = [min(max(9.0 * shape, 3.0), 8.5), *(2.2,) * arrays, 1.4, 1.2]
+    alone = result.scenario.region is None
+    heights = [4.0, 1.4, 1.2] if alone else [_map_height(data), *(2.2,) * arrays, 1.4, 1.2]
     figure = Figure(figsize=(11, sum(heights) + 0.9), layout="constrained")
-    rows = figure.add_gridspec(len(heights), 1, height_ratios=heights)
-    place = figure.add_subplot(rows[0])
-    draw_map(place, data)
-    figure.legend(handles=_legend(data), loc="outside upper center", ncols=6, fontsize=8, frameon=False)
-    records = [figure.add_subplot(rows[1 + number]) for number in range(arrays)]
-    detection, number_of = (figure.add_subplot(rows[1 + arrays + row], sharex=records[0]) for row in range(2))
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    rows = [figure.add_subplot(grid[number]) for number in range(len(heights))]
+    if not alone:
+        draw_map(rows.pop(0), data)
+        figure.legend(handles=_legend(data), loc="outside upper center", ncols=6, fontsize=8, frameon=False)
+    *records, detection, number_of = rows
+    for axes in rows[1:]:
+        axes.sharex(rows[0])
     for number, axes in enumerate(records):
         draw_heard(axes, data, number)
-        axes.sharex(records[0]) if number else None
         axes.tick_params(labelbottom=False)
     bar = figure.colorbar(records[0].images[0], ax=records, pad=0.01)
     estimated = result.scenario.energies.absent is None
@@ -101,8 +103,8 @@ def draw_map(axes: Axes, data: xr.Dataset) -> None:
 
 def draw_heard(axes: Axes, data: xr.Dataset, number: int) -> None:
     """Record of one array, and the bearings at which it should hear the tracks."""
-    used = np.isfinite(data.bearing.values[number])
-    bearing = data.bearing.values[number][used]
+    used = np.isfinite(data.beam_bearing.values[number])
+    bearing = data.beam_bearing.values[number][used]
     line = bool(data.line.values[number])
     reference = "from its axis" if line else "clockwise from north"
     row = xr.Dataset(
@@ -110,7 +112,7 @@ def draw_heard(axes: Axes, data: xr.Dataset, number: int) -> None:
         {"time": data.time, "beam": ("beam", bearing, {"reference": reference})},
     )
     draw_record(axes, row)
-    heard = bearings_of(data, number, data.x.values, data.y.values)
+    heard = bearings_of(data, number, data.x.values, data.y.values) if "x" in data else data.bearing.values
     for label, mine in each_target(data.assign(heard=(("time", "slot"), heard)), "heard"):
         values, times = mine["heard"], mine["time"]
         jumps = np.flatnonzero(np.abs(np.diff(values)) > 180) + 1
@@ -121,6 +123,8 @@ def draw_heard(axes: Axes, data: xr.Dataset, number: int) -> None:
             linewidth=1.2,
             path_effects=[withStroke(linewidth=2.4, foreground="white")],
         )
+        if "x" not in data:
+            _name(axes, label, (float(times[0]), float(values[0])))
     axes.set_ylabel(f"{data.array.values[number]}: bearing\n(degrees {reference})", fontsize=8)
 
 
@@ -158,7 +162,7 @@ def draw_number(axes: Axes, result: Result) -> None:
 
 def bearings_of(data: xr.Dataset, number: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Bearings at which an array hears places, one row of them a scan; degrees, as the array counts."""
-    bearing = data.bearing.values[number]
+    bearing = data.beam_bearing.values[number]
     bearing = bearing[np.isfinite(bearing)]
     first, step = np.radians(bearing[0]), np.radians(bearing[1] - bearing[0])
     line = bool(data.line.values[number])
@@ -168,6 +172,12 @@ def bearings_of(data: xr.Dataset, number: int, x: np.ndarray, y: np.ndarray) -> 
     states = PlanarState(jnp.asarray(x), jnp.asarray(y), jnp.zeros(x.shape), jnp.zeros(x.shape))
     heard = np.degrees(np.asarray(jax.vmap(fans.bearings)(stations, states))[:, 0])
     return heard if line else bearing[0] + (heard - bearing[0]) % 360
+
+
+def _map_height(data: xr.Dataset) -> float:
+    """Of the map, as wide as the figure; inches."""
+    west, east, south, north = extent(data)
+    return min(max(9.0 * (north - south) / (east - west), 3.0), 8.5)
 
 
 def extent(data: xr.Dataset) -> tuple[float, float, float, float]:

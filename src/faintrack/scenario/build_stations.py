@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +19,7 @@ from faintrack.records import InStep
 from faintrack.scenario.array import Pair
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.plane import Plane
-from faintrack.scenario.stations import StationTable
+from faintrack.scenario.stations import SeveralTable, StationTable
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.stations import Fans, Stations
 from faintrack.targets.motion import PlanarMotion
@@ -26,7 +27,7 @@ from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target
 from faintrack.trackers.detectors import Detectors, tiles
 from faintrack.trackers.joint import JointTrackers
-from faintrack.trackers.several import SeveralTargetsTracker
+from faintrack.trackers.several import SeveralTargetsTracker, bearing_tracker
 
 Path = Mapping[str, np.ndarray]
 """Where an array moves, by the names of columns: `time_s`, `x_m` and `y_m` or `latitude_deg` and `longitude_deg`, and
@@ -34,6 +35,12 @@ perhaps `heading_deg`."""
 
 NOISE_SHARE = 0.01
 """Density of the acceleration where the scenario does not say, over the region's largest speed; per root second."""
+
+CELLS_A_BEAM, RATES = 4, 7
+"""Of the detector of an array by itself: cells of bearing in a beam, and of the bearing rate."""
+
+SLOWEST_DEG = 1e-3
+"""Bearing rate up to which targets are sought at least; degrees a second."""
 
 LARGEST_CELLS = 500_000_000
 """Cells of all detectors at most: each takes some twenty bytes."""
@@ -132,6 +139,12 @@ def build_placed(
         columns.append([np.interp(together.times, times, values) for values in (x, y, heading)] + [np.mean(lean)])
     x, y, heading = (np.stack(values, axis=1) for values in list(zip(*columns, strict=True))[:3])
     return Placed(x, y, heading, np.array([column[3] for column in columns]))
+
+
+def placed_alone(together: InStep) -> Placed:
+    """An array by itself, which is wherever its bearings are told from."""
+    still = np.zeros((together.length, 1))
+    return Placed(still, still, still, np.zeros(1))
 
 
 def build_fans(scenario: Scenario, together: InStep, arrays: Mapping[str, SensorArray], placed: Placed) -> Fans:
@@ -236,11 +249,38 @@ def build_several(scenario: Scenario, fans: Fans, region: tuple[Pair, Pair], int
     InputError : see `build_detectors`.
     """
     table = scenario.several
-    particles = 2 ** math.ceil(math.log2(table.particles))
     detectors = build_detectors(scenario, region, interval)
     target, likelihood = build_target(scenario), build_likelihood(scenario, fans)
-    trackers = JointTrackers(target, likelihood, detectors.limits, table.slots, particles)
-    return SeveralTargetsTracker(detectors, trackers, table.detect, table.declare, table.drop, table.hold)
+    trackers = JointTrackers(target, likelihood, detectors.limits, table.slots, _particles(table))
+    return SeveralTargetsTracker(detectors, trackers, **_decisions(table))
+
+
+def build_alone(scenario: Scenario, fans: Fans, interval: float) -> SeveralTargetsTracker:
+    """Tracker of a scenario for the energies of an array by itself, in all bearings that its kind has."""
+    target, table = scenario.target, scenario.several
+    low, high = (0.0, math.pi) if fans.line[0] else (-math.pi, math.pi)
+    fastest = math.radians(max(target.bearing_rate_deg, SLOWEST_DEG))
+    return bearing_tracker(
+        build_likelihood(scenario, fans),
+        between(low, high, math.ceil(CELLS_A_BEAM * (high - low) / fans.step[0] - 1e-6)),
+        between(-fastest, fastest, RATES),
+        math.radians(target.bearing_rate_noise_deg),
+        interval,
+        target.arrival_rate,
+        target.departure_rate,
+        table.slots,
+        _particles(table),
+        **_decisions(table),
+    )
+
+
+def _particles(table: SeveralTable) -> int:
+    return int(2 ** math.ceil(math.log2(table.particles)))
+
+
+def _decisions(table: SeveralTable) -> dict[str, Any]:
+    """When a tracker hands over, declares and drops."""
+    return {name: getattr(table, name) for name in ("detect", "declare", "drop", "hold", "margin")}
 
 
 def _stations(scenario: Scenario) -> tuple[StationTable, ...]:

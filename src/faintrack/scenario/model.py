@@ -370,8 +370,6 @@ class Scenario(Table):
                 if getattr(self, name) != default:
                     raise ValueError(f"there is [{name}] and no [[stations]]: expected both")
             return self
-        if self.region is None:
-            raise ValueError("there are [[stations]] and no [region]: expected both")
         names = [station.name for station in self.stations]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
@@ -382,6 +380,16 @@ class Scenario(Table):
             raise ValueError("there are [[stations]] and [filter]: expected nothing but its seed")
         if self.target.speed is not None:
             raise ValueError("there is target.speed: expected region.speed with [[stations]]")
+        if self.region is None:
+            if len(self.stations) > 1:
+                raise ValueError(f"there are {len(self.stations)} [[stations]] and no [region]: expected both")
+            (alone,) = self.stations
+            told = alone.placed + (["heading_deg"] if alone.heading_deg is not None else [])
+            if told:
+                raise ValueError(f"{alone.name} has {told[0]} and there is no [region]: expected both or neither")
+            return self
+        for station in self.stations:
+            station.require_place()
         ways = {"x and y": self.region.x is None, "latitude and longitude": self.region.x is not None}
         for station in self.stations:
             for way, absent in ways.items():

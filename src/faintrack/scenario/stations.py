@@ -15,6 +15,8 @@ Longitude = Annotated[float, Field(ge=-360, le=360)]
 class StationTable(Table):
     """One array whose bearing-time record is tracked in; see `faintrack.sensors.stations`.
 
+    An array by itself, without a region, needs no place: its targets are followed in bearing.
+
     Attributes
     ----------
     name : of the array.
@@ -45,17 +47,32 @@ class StationTable(Table):
     start_time: str | None = None
     clock_offset: float = 0.0
 
-    @model_validator(mode="after")
-    def _stands_somewhere(self) -> "StationTable":
+    def require_place(self) -> None:
+        """Refuse a station of which it is not told where it stands, or how the axis of a line lies.
+
+        Raises
+        ------
+        ValueError : there is no way to tell, or more than one, or half of one.
+        """
         ways = {"x and y": (self.x, self.y), "latitude and longitude": (self.latitude, self.longitude)}
-        begun = [way for way, values in ways.items() if any(value is not None for value in values)]
-        begun += ["path"] if self.path is not None else []
+        begun = self.placed
         if len(begun) != 1:
             listed = " and ".join(begun) or "none"
             raise ValueError(f"{self.name}: expected one of {', '.join(ways)}, and path; found {listed}")
         if begun[0] != "path" and None in ways[begun[0]]:
             raise ValueError(f"{self.name}: expected both {begun[0]}")
-        return self
+        if self.array is None and self.is_line and self.heading_deg is None and self.path is None:
+            raise ValueError(f"{self.name}: heading_deg is missing: expected the direction of the line's axis")
+
+    @property
+    def placed(self) -> list[str]:
+        """Ways in which it is told, or half told, where the array stands."""
+        ways = {
+            "x and y": (self.x, self.y),
+            "latitude and longitude": (self.latitude, self.longitude),
+            "path": (self.path,),
+        }
+        return [way for way, values in ways.items() if any(value is not None for value in values)]
 
     @model_validator(mode="after")
     def _shape_is_known(self) -> "StationTable":
@@ -63,8 +80,6 @@ class StationTable(Table):
             given = [name for name in ("line", "beams_deg") if getattr(self, name) is not None]
             if given:
                 raise ValueError(f"{self.name}: there is array, which tells {given[0]}: expected one of them")
-        elif self.is_line and self.heading_deg is None and self.path is None:
-            raise ValueError(f"{self.name}: heading_deg is missing: expected the direction of the line's axis")
         if self.start_time is not None:
             parse_utc(self.start_time)
         return self
@@ -160,6 +175,7 @@ class SeveralTable(Table):
     declare : existence at which a track begins, once its target has been in hand for `hold` scans.
     hold : scans; more where beams of targets cross those of others for long.
     drop : existence below which a target is given up.
+    margin : beams on either side of a target's own that it raises too.
     """
 
     slots: int = Field(default=8, ge=1, le=64)
@@ -168,6 +184,7 @@ class SeveralTable(Table):
     declare: float = Field(default=0.99, gt=0, lt=1)
     hold: int = Field(default=10, ge=1, le=1000)
     drop: float = Field(default=0.1, gt=0, lt=1)
+    margin: int = Field(default=1, ge=0, le=100)
 
     @model_validator(mode="after")
     def _hysteresis(self) -> "SeveralTable":

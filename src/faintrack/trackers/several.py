@@ -262,7 +262,9 @@ def bearing_tracker(
     grid = Grid(BearingState, (("bearing_rate", bearing_rate), ("bearing", bearing)))
     motion = BearingMotion(rate_noise, circular=circular)
     target = Target(None, motion, arrival_rate, departure_rate)
-    filter = GridFilter(grid, target, alternating_directions(grid, rate_noise, interval))
+    # Steps of half a cell at most: a longer one smears targets by as much again as they move.
+    substeps = max(math.ceil(2 * float(bearing_rate.values[-1]) * interval / bearing.step), 1)
+    filter = GridFilter(grid, target, alternating_directions(grid, rate_noise, interval, substeps))
     watch = Detectors(filter, BearingState(*(jnp.zeros(1),) * 3))
     trackers = JointTrackers(target, likelihood, watch.limits, slots, particles)
     return SeveralTargetsTracker(watch, trackers, **options)

@@ -106,7 +106,7 @@ def follow(
     _, kept, _ = run(filter, likelihood, pings, for_filter, keep, start)
     truth = scene.truth()
     found = {name: kept.pop(name) for name in ("x", "y", "vx", "vy")}
-    samples = jax.vmap(likelihood.samples)(pings) if isinstance(likelihood, Guided) else jnp.zeros(scene.SCANS)
+    samples = jax.lax.map(likelihood.samples, pings) if isinstance(likelihood, Guided) else jnp.zeros(scene.SCANS)
     return {
         "error": jnp.hypot(found["x"] - truth.x, found["y"] - truth.y),
         "velocity_error": jnp.hypot(found["vx"] - truth.vx, found["vy"] - truth.vy),
