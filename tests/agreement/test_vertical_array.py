@@ -62,6 +62,7 @@ def test_two_arrivals_are_held_to_the_end(found: SeveralEstimate, label: int, el
     assert scan[0] < 30
     np.testing.assert_array_equal(scan, np.arange(scan[0], len(found.label)))
     held = np.degrees(np.asarray(found.mean.bearing)[scan, slot]) - 90
+    print(f"from scan {scan[0]}: {held.mean():.1f} degrees, standard deviation {held.std():.1f}")
     assert np.abs(held.mean() - elevation) < 1
     assert np.abs(held - elevation).max() < WIDTH
 
@@ -69,4 +70,5 @@ def test_two_arrivals_are_held_to_the_end(found: SeveralEstimate, label: int, el
 def test_what_else_is_declared_is_short(found: SeveralEstimate) -> None:
     """A shoulder at 23 degrees is taken for an arrival for less than a fifth of the record."""
     label = np.asarray(found.label)
+    print(f"others in scans {np.flatnonzero(np.any(label > 2, axis=1)).tolist()}")
     assert np.mean(np.any(label > 2, axis=1)) < 0.2
