@@ -24,14 +24,10 @@ from faintrack.result import Result
 from faintrack.result_stations import scans_dataset
 from faintrack.scenario.build_stations import (
     Path,
-    build_alone,
     build_fans,
     build_placed,
     build_plane,
-    build_region,
     build_several,
-    placed_alone,
-    require_heard,
 )
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.stations import parse_utc
@@ -89,18 +85,11 @@ def track_record_blocks(
     block_scans : scans taken in at once.
     """
     together = put_together(records, scenario)
-    plane, placed = None, placed_alone(together)
-    if scenario.region is not None:
-        plane = build_plane(scenario)
-        region = build_region(scenario, plane)
-        placed = build_placed(scenario, together, paths, arrays, plane)
+    plane = build_plane(scenario)
+    placed = build_placed(scenario, together, paths, arrays, plane)
     fans = build_fans(scenario, together, arrays, placed)
     with naming(" and ".join(record.source for record in records)):
-        if scenario.region is None:
-            tracker = build_alone(scenario, fans, together.interval)
-        else:
-            require_heard(scenario, fans, placed, region)
-            tracker = build_several(scenario, fans, region, together.interval)
+        tracker = build_several(scenario, fans, placed, plane, together.interval)
     estimated = scenario.energies.absent is None
     # From an interval before the first scan on, so that a target may be there from the beginning; single precision
     # resolves no second in the years since 1970.

@@ -105,3 +105,6 @@ def test_what_needs_a_region_is_refused(folder: Path, result: Result) -> None:
     track = ("track", folder / "ring.npz", "--scenario", folder / "ring.toml")
     refuse(folder, *track, "--truth", folder / "ships.csv", names=("ring.toml has no [region]", "--truth"))
     refuse(folder, *track[:2], folder / "ring.npz", *track[2:], names=("there are 2 files for 1 stations (ring)",))
+    (folder / "fast.toml").write_text(SCENARIO.replace("bearing_rate_deg = 1.0", "bearing_rate_deg = 200.0"))
+    names = ("ring.npz: target.bearing_rate_deg: targets turn up to 200 degrees between two scans", "180 degrees")
+    refuse(folder, *track[:3], folder / "fast.toml", names=names)

@@ -28,6 +28,7 @@ cells the first.
 """
 
 import functools
+import math
 from typing import Any
 
 import equinox as eqx
@@ -75,6 +76,19 @@ class AlternatingDirections(eqx.Module):
         return [
             functools.partial(_advance, place, rate, flow, spread, gone) for (place, rate), flow, spread, gone in tables
         ]
+
+
+def steps_within(way: float, cell: float) -> int:
+    """Steps of an interval in which a target goes so far: of half a cell each at most.
+
+    A longer step smears a target by as much again as it moves.
+
+    Examples
+    --------
+    >>> steps_within(3.0, 2.0), steps_within(0.0, 2.0)
+    (3, 1)
+    """
+    return max(math.ceil(2 * way / cell), 1)
 
 
 def alternating_directions(

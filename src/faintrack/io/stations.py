@@ -157,7 +157,7 @@ def read_path(path: str | Path, degrees: bool = False, heading: bool = False) ->
 
 def _in_order(files: list[Path], stations: tuple[StationTable, ...]) -> list[list[Path]]:
     """Files of each station, in their order."""
-    if files and len(stations) == 1 and stations[0].array is not None:
+    if files and len(stations) == 1 and stations[0].array is not None and stations[0].file is None:
         return [files]
     if len(files) != len(stations):
         raise InputError(

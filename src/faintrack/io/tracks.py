@@ -7,6 +7,7 @@
 
 import csv
 import json
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -31,25 +32,32 @@ def write_positions(path: Path, data: xr.Dataset) -> None:
     path : of the file.
     data : of a result of several arrays, or of one.
     """
-    degrees = [name for name in DEGREES if name in data]
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        if "x" not in data:
-            names = ("bearing", "bearing_std", "bearing_rate", "existence")
-            writer.writerow(BEARINGS)
-            for label, mine in each_target(data, *names):
-                columns = [mine["time"], *(mine[name] for name in names)]
-                writer.writerows([label, *(f"{value:.9g}" for value in row)] for row in zip(*columns, strict=True))
-            return
-        writer.writerow([*POSITIONS, *(f"{name}_deg" for name in degrees)])
-        for label, mine in each_target(data, *COMPONENTS, "existence", "covariance", *degrees):
-            covariance = mine["covariance"]
-            std = np.sqrt(covariance[:, (0, 1), (0, 1)])
-            columns = [mine["time"], *(mine[name] for name in COMPONENTS), *std.T, covariance[:, 0, 1]]
-            columns += [mine["existence"]]
-            for row, place in enumerate(zip(*columns, strict=True)):
-                where = (f"{mine[name][row]:.7f}" for name in degrees)
-                writer.writerow([label, *(f"{value:.9g}" for value in place), *where])
+        writer.writerows(_places(data) if "x" in data else _bearings(data))
+
+
+def _places(data: xr.Dataset) -> Iterator[list[Any]]:
+    """Rows of positions, the names of the columns first."""
+    degrees = [name for name in DEGREES if name in data]
+    yield [*POSITIONS, *(f"{name}_deg" for name in degrees)]
+    for label, mine in each_target(data, *COMPONENTS, "existence", "covariance", *degrees):
+        covariance = mine["covariance"]
+        std = np.sqrt(covariance[:, (0, 1), (0, 1)])
+        columns = [mine["time"], *(mine[name] for name in COMPONENTS), *std.T, covariance[:, 0, 1]]
+        columns += [mine["existence"]]
+        for row, place in enumerate(zip(*columns, strict=True)):
+            where = (f"{mine[name][row]:.7f}" for name in degrees)
+            yield [label, *(f"{value:.9g}" for value in place), *where]
+
+
+def _bearings(data: xr.Dataset) -> Iterator[list[Any]]:
+    """Rows of bearings, the names of the columns first."""
+    names = ("bearing", "bearing_std", "bearing_rate", "existence")
+    yield [*BEARINGS]
+    for label, mine in each_target(data, *names):
+        for row in zip(mine["time"], *(mine[name] for name in names), strict=True):
+            yield [label, *(f"{value:.9g}" for value in row)]
 
 
 def write_geojson(path: Path, data: xr.Dataset) -> None:

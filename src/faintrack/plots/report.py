@@ -61,7 +61,8 @@ def write_report(path: str | Path, result: Result) -> Path:
 def report(result: Result) -> str:
     """HTML text of a report."""
     facts = ABOUT[result.kind](result)
-    shown = SHOWN[result.kind] if "detector_x" in result.data or result.kind != "records" else "Record, detection"
+    alone = result.kind == "records" and result.scenario.region is None
+    shown = "Record, detection" if alone else SHOWN[result.kind]
     rows = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in facts.items())
     source = result.data.attrs["source"]
     files = source.split(" and ") if result.kind == "records" else [source]

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from faintrack.axis import Axis, between
 from faintrack.errors import InputError
-from faintrack.filters.adi import alternating_directions
+from faintrack.filters.adi import alternating_directions, steps_within
 from faintrack.filters.grid import GridFilter
 from faintrack.grids import Grid
 from faintrack.likelihoods.beam_energies import BeamEnergies
@@ -71,10 +71,9 @@ class Placed:
 
 
 def build_plane(scenario: Scenario) -> Plane | None:
-    """Plane about the middle of the region; None where the scenario is in metres."""
+    """Plane about the middle of the region; None where the scenario is in metres, or has no region."""
     region = scenario.region
-    assert region is not None, "stations have a region"
-    if region.latitude is None or region.longitude is None:
+    if region is None or region.latitude is None or region.longitude is None:
         return None
     return Plane(float(np.mean(region.latitude)), float(np.mean(region.longitude)))
 
@@ -104,7 +103,7 @@ def build_placed(
     arrays: Mapping[str, SensorArray],
     plane: Plane | None,
 ) -> Placed:
-    """Where the arrays of a scenario are in every scan.
+    """Where the arrays of a scenario are in every scan; one by itself is wherever its bearings are told from.
 
     Parameters
     ----------
@@ -118,6 +117,9 @@ def build_placed(
     InputError : a path that does not last as long as the records, a line whose heading nobody tells or that stands
         upright.
     """
+    if scenario.region is None:
+        still = np.zeros((together.length, 1))
+        return Placed(still, still, still, np.zeros(1))
     columns = []
     for table, shift in zip(_stations(scenario), together.shifts, strict=True):
         path = paths.get(table.name) or _still(table)
@@ -139,12 +141,6 @@ def build_placed(
         columns.append([np.interp(together.times, times, values) for values in (x, y, heading)] + [np.mean(lean)])
     x, y, heading = (np.stack(values, axis=1) for values in list(zip(*columns, strict=True))[:3])
     return Placed(x, y, heading, np.array([column[3] for column in columns]))
-
-
-def placed_alone(together: InStep) -> Placed:
-    """An array by itself, which is wherever its bearings are told from."""
-    still = np.zeros((together.length, 1))
-    return Placed(still, still, still, np.zeros(1))
 
 
 def build_fans(scenario: Scenario, together: InStep, arrays: Mapping[str, SensorArray], placed: Placed) -> Fans:
@@ -221,8 +217,7 @@ def build_detectors(scenario: Scenario, region: tuple[Pair, Pair], interval: flo
     speed = between(-table.speed, table.speed, table.speeds)
     # Stepped fastest in this order of the axes.
     grid = Grid(PlanarState, (("vx", speed), ("vy", speed), ("x", x), ("y", y)))
-    # Steps of half a cell at most: a longer one smears targets by as much again as they move.
-    substeps = max(math.ceil(2 * table.speed * interval / table.cell), 1)
+    substeps = steps_within(table.speed * interval, table.cell)
     transport = alternating_directions(grid, target.motion.velocity_noise, interval, substeps)
     return Detectors(GridFilter(grid, target, transport), place)
 
@@ -241,24 +236,35 @@ def build_likelihood(scenario: Scenario, fans: Fans) -> BeamEnergies:
     return BeamEnergies(fans, absent_mean, absent_std, present_mean, present_std)
 
 
-def build_several(scenario: Scenario, fans: Fans, region: tuple[Pair, Pair], interval: float) -> SeveralTargetsTracker:
-    """Tracker of a scenario for the energies of several arrays.
+def build_several(
+    scenario: Scenario, fans: Fans, placed: Placed, plane: Plane | None, interval: float
+) -> SeveralTargetsTracker:
+    """Tracker of a scenario for the energies of several arrays, or of one by itself.
 
     Raises
     ------
-    InputError : see `build_detectors`.
+    InputError : see `require_heard` and `build_detectors`; targets that turn too far between two scans.
     """
-    table = scenario.several
+    if scenario.region is None:
+        return _alone(scenario, fans, interval)
+    table, region = scenario.several, build_region(scenario, plane)
+    require_heard(scenario, fans, placed, region)
     detectors = build_detectors(scenario, region, interval)
     target, likelihood = build_target(scenario), build_likelihood(scenario, fans)
     trackers = JointTrackers(target, likelihood, detectors.limits, table.slots, _particles(table))
     return SeveralTargetsTracker(detectors, trackers, **_decisions(table))
 
 
-def build_alone(scenario: Scenario, fans: Fans, interval: float) -> SeveralTargetsTracker:
+def _alone(scenario: Scenario, fans: Fans, interval: float) -> SeveralTargetsTracker:
     """Tracker of a scenario for the energies of an array by itself, in all bearings that its kind has."""
     target, table = scenario.target, scenario.several
     low, high = (0.0, math.pi) if fans.line[0] else (-math.pi, math.pi)
+    turn, most = target.bearing_rate_deg * interval, math.degrees(high - low) / 2
+    if turn > most:
+        raise InputError(
+            f"target.bearing_rate_deg: targets turn up to {turn:.3g} degrees between two scans, more than half of what "
+            f"the array hears, {most:g} degrees; expected less."
+        )
     fastest = math.radians(max(target.bearing_rate_deg, SLOWEST_DEG))
     return bearing_tracker(
         build_likelihood(scenario, fans),

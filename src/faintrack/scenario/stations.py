@@ -54,12 +54,12 @@ class StationTable(Table):
         ------
         ValueError : there is no way to tell, or more than one, or half of one.
         """
-        ways = {"x and y": (self.x, self.y), "latitude and longitude": (self.latitude, self.longitude)}
-        begun = self.placed
+        ways, begun = self._ways, self.placed
         if len(begun) != 1:
+            *others, last = ways
             listed = " and ".join(begun) or "none"
-            raise ValueError(f"{self.name}: expected one of {', '.join(ways)}, and path; found {listed}")
-        if begun[0] != "path" and None in ways[begun[0]]:
+            raise ValueError(f"{self.name}: expected one of {', '.join(others)}, and {last}; found {listed}")
+        if None in ways[begun[0]]:
             raise ValueError(f"{self.name}: expected both {begun[0]}")
         if self.array is None and self.is_line and self.heading_deg is None and self.path is None:
             raise ValueError(f"{self.name}: heading_deg is missing: expected the direction of the line's axis")
@@ -67,12 +67,12 @@ class StationTable(Table):
     @property
     def placed(self) -> list[str]:
         """Ways in which it is told, or half told, where the array stands."""
-        ways = {
-            "x and y": (self.x, self.y),
-            "latitude and longitude": (self.latitude, self.longitude),
-            "path": (self.path,),
-        }
-        return [way for way, values in ways.items() if any(value is not None for value in values)]
+        return [way for way, values in self._ways.items() if any(value is not None for value in values)]
+
+    @property
+    def _ways(self) -> dict[str, tuple[float | str | None, ...]]:
+        places = {"x and y": (self.x, self.y), "latitude and longitude": (self.latitude, self.longitude)}
+        return {**places, "path": (self.path,)}
 
     @model_validator(mode="after")
     def _shape_is_known(self) -> "StationTable":

@@ -25,7 +25,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from faintrack.axis import Axis
 from faintrack.belief import covariance
 from faintrack.errors import InputError
-from faintrack.filters.adi import alternating_directions
+from faintrack.filters.adi import alternating_directions, steps_within
 from faintrack.filters.grid import GridFilter
 from faintrack.grids import Grid
 from faintrack.likelihoods.beam_energies import BeamEnergies, in_beams, region_log_ratio
@@ -262,8 +262,7 @@ def bearing_tracker(
     grid = Grid(BearingState, (("bearing_rate", bearing_rate), ("bearing", bearing)))
     motion = BearingMotion(rate_noise, circular=circular)
     target = Target(None, motion, arrival_rate, departure_rate)
-    # Steps of half a cell at most: a longer one smears targets by as much again as they move.
-    substeps = max(math.ceil(2 * float(bearing_rate.values[-1]) * interval / bearing.step), 1)
+    substeps = steps_within(float(bearing_rate.edges[-1]) * interval, bearing.step)
     filter = GridFilter(grid, target, alternating_directions(grid, rate_noise, interval, substeps))
     watch = Detectors(filter, BearingState(*(jnp.zeros(1),) * 3))
     trackers = JointTrackers(target, likelihood, watch.limits, slots, particles)
