@@ -135,7 +135,7 @@ def _position_columns(units: dict[str, str]) -> list[tuple[str, str, str]]:
         ("start_s", "start s", ".5g"),
         ("end_s", "end s", ".5g"),
         *places,
-        ("speed", f"speed {unit}/s", ".3g" if unit == "deg" else ".5g"),
+        ("speed", "rate deg/s", ".3g") if unit == "deg" else ("speed", f"speed {unit}/s", ".5g"),
         ("existence_max", "existence", ".4f"),
     ]
 
