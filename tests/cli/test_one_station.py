@@ -1,6 +1,7 @@
 """Several sources that one array hears, through the command line: files, report, and what does not fit."""
 
 import csv
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -108,3 +109,12 @@ def test_what_needs_a_region_is_refused(folder: Path, result: Result) -> None:
     (folder / "fast.toml").write_text(SCENARIO.replace("bearing_rate_deg = 1.0", "bearing_rate_deg = 200.0"))
     names = ("ring.npz: target.bearing_rate_deg: targets turn up to 200 degrees between two scans", "180 degrees")
     refuse(folder, *track[:3], folder / "fast.toml", names=names)
+
+
+def test_results_that_are_damaged(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder / "out", tmp_path / "out")
+    shutil.rmtree(tmp_path / "out" / "result.zarr" / "bearing")
+    again = ("report", tmp_path / "out", "--out", tmp_path / "again.html")
+    refuse(tmp_path, *again, names=("out is damaged or incomplete (bearing is missing in result.zarr)",))
+    (tmp_path / "out" / "versions.json").write_text("{")
+    refuse(tmp_path, *again, names=("out is damaged or incomplete",))

@@ -176,4 +176,9 @@ def versions() -> dict[str, str]:
 
 
 def _open(folder: Path) -> xr.Dataset:
-    return xr.open_zarr(folder / "result.zarr", chunks=None)
+    data = xr.open_zarr(folder / "result.zarr", chunks=None)
+    # Of a variable that is gone xarray would read empty values.
+    for name in data.variables:
+        if not (folder / "result.zarr" / str(name)).exists():
+            raise OSError(f"{name} is missing in result.zarr")
+    return data
