@@ -248,6 +248,36 @@ def test_substeps_come_closer_to_the_equation() -> None:
     np.testing.assert_allclose(second - third, (first - second) / 2, rtol=0.01)
 
 
+@pytest.mark.parametrize("axes", [("vx", "vy", "x", "y"), ("x", "vx", "vy", "y"), ("y", "x", "vy", "vx")], ids="-".join)
+@pytest.mark.parametrize("substeps", [1, 3])
+def test_implicit_steps_solve_the_equations(axes: tuple[str, ...], substeps: int) -> None:
+    """Against solving for the weights after each substep, one axis after the other; what is left out is shared out."""
+    grid = Grid(PlanarState, tuple((name, dict(PLANE.axes)[name]) for name in axes))
+    transport = alternating_directions(grid, 0.3, 1.0, substeps)
+    log_weights = jax.random.normal(KEY, grid.shape)
+    moved, log_lost = carry(transport, log_weights, 0.0, 1.0)
+    expected = np.exp(np.asarray(log_weights, float))
+    before = expected.sum()
+    for place, rate in grid.pairs:
+        (_, along), (_, speed) = grid.axes[place], grid.axes[rate]
+        front = np.moveaxis(expected, (rate, place), (0, 1))
+        shape = front.shape
+        front = front.reshape(*shape[:2], -1).copy()
+        spread = 0.3**2 / substeps / (2 * speed.step**2)
+        beside = np.eye(speed.count, k=1) + np.eye(speed.count, k=-1)
+        diffusion = np.eye(speed.count) + spread * (np.diag(beside.sum(axis=0)) - beside)
+        for number, velocity in enumerate(speed.values):
+            courant = abs(velocity) / substeps / along.step
+            stream = np.eye(along.count) * (1 + courant) - courant * np.eye(along.count, k=-1 if velocity > 0 else 1)
+            for _ in range(substeps):
+                front[number] = np.linalg.solve(stream, front[number])
+        for _ in range(substeps):
+            front = np.linalg.solve(diffusion, front.reshape(len(front), -1)).reshape(front.shape)
+        expected = np.moveaxis(front.reshape(shape), (0, 1), (rate, place))
+    np.testing.assert_allclose(np.exp(moved), expected, rtol=1e-4, atol=1e-4 * expected.mean())
+    np.testing.assert_allclose(np.exp(log_lost), before - expected.sum(), rtol=1e-4)
+
+
 def test_slow_targets_keep_their_course() -> None:
     """A fifteenth of a cell a step (stone2002, 4.2): after 150 steps ten cells, and all in one."""
     grid = Grid(RangeState, (("range", Axis(0.0, 1.0, 40)), ("range_rate", Axis(0.0, 1 / 15, 2))))

@@ -18,9 +18,11 @@ Both matrices are diagonally dominant with non-positive neighbours, so their inv
 positive for steps of any length. Columns of the inverses sum to 1, but at the edge that the stream flows over: weight
 is kept, or has left the grid. No weight flows over the edges of the velocity.
 
-The inverse of the upwind step is a geometric series, :math:`\frac{1}{1 + c} g^k` with :math:`c = |v| T / \Delta` and
-:math:`g = c / (1 + c)`, the same from every cell; that of the diffusion falls as fast. Both are computed once, cut off
-where they are negligible, and applied as sums over a few neighbours: one step reads and writes the weights a few times.
+The inverse of the upwind step is the same from every cell: with :math:`c = |v| T / \Delta` and :math:`g = c / (1 + c)`
+it carries :math:`\frac{1}{1 + c} g^k` of a weight over k cells, and n such steps carry :math:`\binom{n + k - 1}{k}
+\frac{g^k}{(1 + c)^n}`; that of the diffusion falls as fast. Both are cut off where they are negligible, and applied as
+sums over a few neighbours, which stand on the side that the stream comes from: one step reads and writes the weights a
+few times.
 
 Where it errs: the implicit upwind step moves the mean exactly and adds :math:`|v| T \Delta + (v T)^2` to the variance
 of x, however small the noise: it is the most diffusive of the transports. `substeps` lowers the second term, finer
@@ -45,6 +47,22 @@ NEGLIGIBLE = 1e-6
 """Share of a weight that is not carried to neighbours far away, but to the near ones in proportion."""
 
 
+class Stream(eqx.Module):
+    """Rates that carry weight the same way.
+
+    Attributes
+    ----------
+    first, last : of the rates, the last not included.
+    forward : the way.
+    shares : of what arrives at a place from so many cells before it.
+    """
+
+    first: int = eqx.field(static=True)
+    last: int = eqx.field(static=True)
+    forward: bool = eqx.field(static=True)
+    shares: Float[np.ndarray, "distance rate"]
+
+
 class AlternatingDirections(eqx.Module):
     """Inverses for every axis, as weights of neighbours; see `alternating_directions`.
 
@@ -52,16 +70,16 @@ class AlternatingDirections(eqx.Module):
     ----------
     grid : cells.
     interval : of one step; seconds.
-    flows : for every moving component, shape (offset, rate, place); share that arrives at a place from as many cells
-        before it, offsets from the lowest to the highest.
-    spreads : for every rate, shape (offset, 1, rate); the same along the rate.
+    streams : for every moving component those of its rates, back and forth.
+    spreads : for every rate, shape (offset, rate); share that arrives at a rate from as many cells before it, offsets
+        from the lowest to the highest.
     leaving : for every moving component, shape (rate, place); share that leaves the grid in one step.
     """
 
     grid: Grid = eqx.field(static=True)
     interval: float = eqx.field(static=True)
-    flows: tuple[Float[np.ndarray, "_ _ _"], ...]
-    spreads: tuple[Float[np.ndarray, "_ 1 _"], ...]
+    streams: tuple[tuple[Stream, ...], ...]
+    spreads: tuple[Float[np.ndarray, "_ _"], ...]
     leaving: tuple[Float[np.ndarray, "_ _"], ...]
 
     def carry(
@@ -72,10 +90,8 @@ class AlternatingDirections(eqx.Module):
 
     def advances(self, key: PRNGKeyArray) -> list[Advance]:
         """For every moving component a function of (weights, number) to weights after a step and what has left."""
-        tables = zip(self.grid.pairs, self.flows, self.spreads, self.leaving, strict=True)
-        return [
-            functools.partial(_advance, place, rate, flow, spread, gone) for (place, rate), flow, spread, gone in tables
-        ]
+        tables = zip(self.grid.pairs, self.streams, self.spreads, self.leaving, strict=True)
+        return [functools.partial(_advance, *pair, flow, spread, gone) for pair, flow, spread, gone in tables]
 
 
 def steps_within(way: float, cell: float) -> int:
@@ -111,72 +127,117 @@ def alternating_directions(
     --------
     >>> from faintrack.targets.states import RangeState
     >>> grid = Grid(RangeState, (("range", Axis(0.0, 1.0, 50)), ("range_rate", Axis(-1.0, 1.0, 3))))
-    >>> alternating_directions(grid, 0.1, 1.0).flows[0].shape
-    (37, 3, 50)
+    >>> [stream.shares.shape for stream in alternating_directions(grid, 0.1, 1.0).streams[0]]
+    [(19, 1), (19, 2)]
     """
     pairs = [(grid.axes[place][1], grid.axes[rate][1]) for place, rate in grid.pairs]
-    step = interval / substeps
-    flows = [np.linalg.matrix_power(_advection(place, rate, step), substeps) for place, rate in pairs]
-    spreads = [np.linalg.matrix_power(_diffusion(rate, velocity_noise**2, step), substeps) for _, rate in pairs]
-    leaving = [np.where((gone := 1 - flow.sum(axis=1)) > NEGLIGIBLE, gone, 0) for flow in flows]
-    near_flows = tuple(_neighbours(flow, 1 - gone) for flow, gone in zip(flows, leaving, strict=True))
-    near_spreads = tuple(_neighbours(spread[None], np.ones((1, len(spread)))) for spread in spreads)
-    return AlternatingDirections(grid, interval, near_flows, near_spreads, tuple(leaving))
+    ways = [_ways(place, rate, interval, substeps) for place, rate in pairs]
+    spreads = [
+        np.linalg.matrix_power(_diffusion(rate, velocity_noise**2, interval / substeps), substeps) for _, rate in pairs
+    ]
+    return AlternatingDirections(
+        grid,
+        interval,
+        tuple(_streams(shares, rate) for shares, (_, rate) in zip(ways, pairs, strict=True)),
+        tuple(_neighbours(spread) for spread in spreads),
+        tuple(_leaving(shares, rate) for shares, (_, rate) in zip(ways, pairs, strict=True)),
+    )
 
 
 def _advance(
     place: int,
     rate: int,
-    flow: Float[Tabled, "offset rate place"],
-    spread: Float[Tabled, "_ 1 rate"],
+    streams: tuple[Stream, ...],
+    spread: Float[Tabled, "offset rate"],
     leaving: Float[Tabled, "rate place"],
     weights: Float[Array, "*cells"],
     number: Array | int,
 ) -> tuple[Array, Array]:
     """Weights after the step of one component and its rate, and what has left the grid; both linear."""
-    moved = _from_neighbours(spread, _from_neighbours(flow, weights, place, rate), rate, place)
+    moved = _spread(spread, _carried(streams, weights, place, rate), rate)
     return moved, left_the_grid(weights, place, rate, leaving)
 
 
-def _from_neighbours(
-    shares: Float[Tabled, "offset by along"], weights: Float[Array, "*cells"], along: int, by: int
+def _carried(
+    streams: tuple[Stream, ...], weights: Float[Array, "*cells"], place: int, rate: int
 ) -> Float[Array, "*cells"]:
-    """Sum over neighbours along an axis, their shares depending on the cell of that axis and of the axis `by`."""
-    count, reach = weights.shape[along], shares.shape[0] // 2
-    shape = [1] * weights.ndim
-    shape[along], shape[by] = shares.shape[2], shares.shape[1]
-    ordered = jnp.asarray(shares, weights.dtype)
-    ordered = ordered if by < along else jnp.swapaxes(ordered, 1, 2)
-    padded = jnp.pad(weights, [(reach, reach) if axis == along else (0, 0) for axis in range(weights.ndim)])
-    moved = jnp.zeros((), weights.dtype)
-    for offset in range(-reach, reach + 1):
-        origin = jax.lax.slice_in_dim(padded, reach - offset, reach - offset + count, axis=along)
-        moved = moved + ordered[offset + reach].reshape(shape) * origin
-    return moved
+    """Weights moved along an axis as their rates say."""
+    # Axes behind that of the place are one: rows that a processor's vector units go along are then long.
+    rows = weights.reshape(*weights.shape[:place], -1) if rate < place else weights
+    stride = rows.shape[place] // weights.shape[place]
+    parts = []
+    for stream in streams:
+        part = jax.lax.slice_in_dim(rows, stream.first, stream.last, axis=rate)
+        reach = stride * (len(stream.shares) - 1)
+        padded = _padded(part, place, *((reach, 0) if stream.forward else (0, reach)))
+        starts = range(reach, -1, -stride) if stream.forward else range(0, reach + 1, stride)
+        parts.append(_summed(stream.shares, rate, padded, place, starts, rows.shape[place]))
+    return jnp.concatenate(parts, axis=rate).reshape(weights.shape)
 
 
-def _neighbours(
-    matrices: Float[np.ndarray, "by along along"], sums: Float[np.ndarray, "by along"]
-) -> Float[np.ndarray, "offset by along"]:
-    """Shares of the neighbours in products with matrices whose columns are where from, made to add up to `sums`."""
-    count = matrices.shape[1]
-    kept = np.where(matrices > NEGLIGIBLE, matrices, 0)
-    kept *= (sums / kept.sum(axis=1))[:, None]
+def _spread(shares: Float[Tabled, "offset rate"], weights: Float[Array, "*cells"], rate: int) -> Float[Array, "*cells"]:
+    """Weights spread along the axis of a rate."""
+    reach = len(shares) // 2
+    rows = weights.reshape(*weights.shape[: rate + 1], -1)
+    padded = _padded(rows, rate, reach, reach)
+    starts = range(2 * reach, -1, -1)
+    return _summed(shares, rate, padded, rate, starts, rows.shape[rate]).reshape(weights.shape)
+
+
+def _padded(weights: Float[Array, "..."], axis: int, before: int, after: int) -> Float[Array, "..."]:
+    """Weights with nothing beyond the ends of an axis."""
+    return jnp.pad(weights, [(before, after) if number == axis else (0, 0) for number in range(weights.ndim)])
+
+
+def _summed(
+    shares: Float[Tabled, "start by"], by: int, padded: Float[Array, "..."], axis: int, starts: range, count: int
+) -> Float[Array, "..."]:
+    """Sum of parts of an axis that begin at `starts`, each times its share, which depends on the cell of another."""
+    table = jnp.asarray(shares, padded.dtype).reshape(len(starts), -1, *(1,) * (padded.ndim - 1 - by))
+    parts = (jax.lax.slice_in_dim(padded, start, start + count, axis=axis) for start in starts)
+    return functools.reduce(jnp.add, (share * part for share, part in zip(table, parts, strict=True)))
+
+
+def _ways(place: Axis, rate: Axis, interval: float, substeps: int) -> Float[np.ndarray, "distance rate"]:
+    """Share of a weight that goes so many cells, for all places that there are; what is negligible is left out."""
+    courant = np.abs(rate.values) * interval / substeps / place.step
+    distance = np.arange(1, place.count)[:, None]
+    further = courant / (1 + courant) * (distance + substeps - 1) / distance
+    ways = np.cumprod(np.concatenate([(1 + courant[None]) ** -substeps, further]), axis=0)
+    total = ways.sum(axis=0)
+    ways[ways <= NEGLIGIBLE] = 0
+    return ways * np.where(total > 1 - NEGLIGIBLE, 1, total) / ways.sum(axis=0)
+
+
+def _streams(ways: Float[np.ndarray, "distance rate"], rate: Axis) -> tuple[Stream, ...]:
+    """Rates that go back, and the others."""
+    back = int(np.count_nonzero(rate.values < 0))
+    parts = [(0, back, False), (back, rate.count, True)]
+    return tuple(
+        Stream(first, last, forward, ways[: 1 + int(np.flatnonzero(ways[:, first:last].any(axis=1)).max()), first:last])
+        for first, last, forward in parts
+        if first < last
+    )
+
+
+def _leaving(ways: Float[np.ndarray, "distance rate"], rate: Axis) -> Float[np.ndarray, "rate place"]:
+    """Share that goes further than there are places ahead."""
+    forward = np.maximum(1 - np.cumsum(ways, axis=0), 0)[::-1].T
+    return np.where(rate.values[:, None] < 0, forward[:, ::-1], forward)
+
+
+def _neighbours(matrix: Float[np.ndarray, "along along"]) -> Float[np.ndarray, "offset along"]:
+    """Shares of the neighbours in the product with a matrix whose columns are where from, made to add up to 1."""
+    count = len(matrix)
+    kept = np.where(matrix > NEGLIGIBLE, matrix, 0)
+    kept /= kept.sum(axis=0)
     apart = np.arange(count)[:, None] - np.arange(count)
-    reach = int(np.abs(np.where(kept.any(axis=0), apart, 0)).max())
-    shares = np.zeros((2 * reach + 1, len(matrices), count))
+    reach = int(np.abs(np.where(kept > 0, apart, 0)).max())
+    shares = np.zeros((2 * reach + 1, count))
     for offset in range(-reach, reach + 1):
         to = np.arange(max(offset, 0), count + min(offset, 0))
-        shares[offset + reach][:, to] = kept[:, to, to - offset]
+        shares[offset + reach, to] = kept[to, to - offset]
     return shares
-
-
-def _advection(place: Axis, rate: Axis, interval: float) -> Float[np.ndarray, "rate place place"]:
-    """Inverse of the upwind step at every velocity."""
-    courant = rate.values * interval / place.step
-    one, below = np.eye(place.count), np.eye(place.count, k=-1)
-    forward, backward = np.maximum(courant, 0)[:, None, None], np.maximum(-courant, 0)[:, None, None]
-    return np.linalg.inv(one + forward * (one - below) + backward * (one - below.T))
 
 
 def _diffusion(rate: Axis, density: float, interval: float) -> Float[np.ndarray, "rate rate"]:
