@@ -28,6 +28,7 @@ from faintrack.axis import Axis, Lattice
 from faintrack.belief import Belief
 from faintrack.draws import uniform
 from faintrack.errors import InputError
+from faintrack.precision import full_precision
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,7 @@ def highest_density(belief: Belief, probability: float) -> Bool[Array, "*cells"]
     return chosen.reshape(belief.log_weights.shape)
 
 
+@full_precision
 def refined_mode(belief: Belief, grid: Grid) -> tuple[Any, Float[Array, "axis axis"]]:
     r"""Peak between the cells, and the covariance of the normal distribution that fits it.
 

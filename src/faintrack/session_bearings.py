@@ -18,6 +18,7 @@ from jaxtyping import Array
 from faintrack.bearings import Bearings
 from faintrack.belief import covariance
 from faintrack.errors import naming
+from faintrack.precision import full_precision
 from faintrack.result import Result, bearings_dataset
 from faintrack.scenario.build_bearings import build_bearings_tracker, build_sensor
 from faintrack.scenario.model import Scenario
@@ -98,6 +99,7 @@ def track_bearing_blocks(
 
 
 @eqx.filter_jit
+@full_precision
 def _take_in(
     tracker: SingleTargetTracker, following: Following, block: ObserverSets, key: Array
 ) -> tuple[Following, tuple[Estimate, dict[str, Array]]]:

@@ -133,3 +133,12 @@ def test_help_shows_an_example(command: str) -> None:
     done = call(command, "--help")
     assert done.status == 0
     assert f"faintrack {command}" in done.out.split("Example")[1]
+
+
+def test_bench_measures_the_rows_that_are_named() -> None:
+    done = call("bench", "speed")
+    assert done.status == 2
+    assert "no row 'speed'" in done.err
+    assert "several_sea_trial" in done.err
+    done = call("bench", "help_seconds", "--json")
+    assert [row["name"] for row in json.loads(done.out)["rows"]] == ["help_seconds"]

@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
+from faintrack.precision import full_precision
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.signal.beamformer import Beamformer
@@ -63,6 +64,7 @@ class CellAveraging(eqx.Module):
     threshold: Float[Array, " bearing"]
     noise_power: Float[Array, "*frequency"] | None = None
 
+    @full_precision
     def level(self, scan: BeamScan) -> Float[Array, " bearing"]:
         """Response of each beam over the mean of its reference beams."""
         if self.noise_power is None:

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from faintrack.baselines.pda import Association, Gaussian, merged
+from faintrack.precision import full_precision
 
 
 class Presumed(eqx.Module):
@@ -76,6 +77,7 @@ class Ipda(eqx.Module):
         both = jax.tree.map(lambda *parts: jnp.stack(parts), moved, self.birth)
         return Presumed(merged(jnp.stack([share, 1 - share]), both), log_existence - log_absence)
 
+    @full_precision
     def moved(self, state: Gaussian) -> Gaussian:
         """State of a target that stays, at the next scan."""
         covariance = self.transition @ state.covariance @ self.transition.T + self.noise

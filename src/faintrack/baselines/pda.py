@@ -26,6 +26,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from faintrack.precision import full_precision
+
 Measure = Callable[[Array], Array]
 """Function of a state to what would be measured of it, without noise."""
 
@@ -60,6 +62,7 @@ class Innovation(NamedTuple):
     gain: Float[Array, "component measured"]
 
 
+@full_precision
 def extended(
     state: Gaussian, measure: Measure, error: Float[Array, "measured measured"], differ: Differ = jnp.subtract
 ) -> Innovation:
@@ -70,6 +73,7 @@ def extended(
     return Innovation(measure(state.mean), covariance, jnp.linalg.solve(covariance, across.T).T)
 
 
+@full_precision
 def unscented(
     state: Gaussian, measure: Measure, error: Float[Array, "measured measured"], differ: Differ = jnp.subtract
 ) -> Innovation:
@@ -92,6 +96,7 @@ def turned(angle: Float[Array, "..."], other: Float[Array, "..."]) -> Float[Arra
     return difference - 2 * jnp.pi * jnp.round(difference / (2 * jnp.pi))
 
 
+@full_precision
 def merged(weights: Float[Array, " stack"], parts: Gaussian) -> Gaussian:
     """The Gaussian with the mean and covariance of a mixture whose weights sum to 1."""
     mean = weights @ parts.mean
@@ -123,6 +128,7 @@ class Association(eqx.Module):
     innovate: Callable[[Gaussian, Measure, Array, Differ], Innovation] = eqx.field(static=True, default=extended)
     differ: Differ = eqx.field(static=True, default=jnp.subtract)
 
+    @full_precision
     def take_in(self, state: Gaussian, scan: Any) -> tuple[Gaussian, Float[Array, ""]]:
         """Gaussian after a scan, and the log of the evidence I (the module's equations)."""
         told = self.innovate(state, lambda each: self.measure(each, scan), self.error, self.differ)

@@ -18,6 +18,7 @@ class Sizes:
     detectors : grids of four dimensions side by side.
     places, rates : cells of such a grid along each component and along its rate.
     small_places, small_rates : the same of smaller detectors, sixteen side by side (kreucher2011).
+    region_places, region_rates : the same of sixteen large ones, for a GPU.
     followers : particles of a target that is followed among several.
     scans : of several arrays.
     base, fine : cells along a component and along its rate, of grids with kernels (aughenbaugh2010).
@@ -42,6 +43,8 @@ class Sizes:
     rates: int = 13
     small_places: int = 26
     small_rates: int = 21
+    region_places: int = 200
+    region_rates: int = 25
     followers: int = 2048
     scans: int = 4
     base: tuple[int, int] = (51, 7)

@@ -186,16 +186,19 @@ def calibrate(
         print(f"scenario   [tracker] declare = {threshold.value:.5f}")
 
 
-def bench(as_json: Json = False) -> None:
+def bench(
+    rows: Annotated[list[str] | None, typer.Argument(help="Rows to measure; all where none is named.")] = None,
+    as_json: Json = False,
+) -> None:
     """Measure speed against peers and against the machine's own limit, all in this run.
 
-    Example: [bold]faintrack bench[/bold]
+    Example: [bold]faintrack bench several_sea_trial several_synthetic[/bold]
     """
     from faintrack.bench import run
     from faintrack.cli.tables import print_bench
 
-    rows = run()
+    measured = run(rows or None)
     if as_json:
-        print(json.dumps({"rows": [row.as_dict() for row in rows]}))
+        print(json.dumps({"rows": [row.as_dict() for row in measured]}))
     else:
-        print_bench(rows)
+        print_bench(measured)

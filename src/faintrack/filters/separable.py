@@ -31,6 +31,7 @@ from scipy.special import ndtr
 from faintrack.axis import Axis
 from faintrack.filters.grid import Advance, Tabled, in_steps, left_the_grid
 from faintrack.grids import Grid
+from faintrack.precision import full_precision
 from faintrack.targets.motion import Step
 
 POINTS = 64
@@ -70,6 +71,7 @@ class Separable(eqx.Module):
         ]
 
 
+@full_precision
 def _advance(
     place: int,
     rate: int,

@@ -41,6 +41,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.errors import InputError
+from faintrack.precision import full_precision
 from faintrack.sensors.stations import EnergyScan, Fans
 
 Level = Float[Array, " array"] | Float[np.ndarray, " array"] | float
@@ -155,6 +156,7 @@ def region_log_ratio(
     return jnp.sum(jnp.minimum(ratios, 0), axis=0) + jnp.where(together, weakest, 0)
 
 
+@full_precision
 def occupied_log_ratios(
     table: Float[Array, "array beam number"],
     beams: Int[Array, "array target particle"],

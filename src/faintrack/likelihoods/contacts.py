@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
+from faintrack.precision import full_precision
 from faintrack.targets.states import PlanarState
 from faintrack.trigonometry import arctan2
 
@@ -78,6 +79,7 @@ class GaussianContact(eqx.Module):
             raise InputError(f"contact of {', '.join(self.names)}: low {self.low} is not below high {self.high}.")
 
     @eqx.filter_jit
+    @full_precision
     def log_ratio(self, contact: Contact, states: Any) -> Float[Array, "..."]:
         """Natural log of p(contact | target at state) / p(contact | no target); the class's equation."""
         chosen = jnp.stack(jnp.broadcast_arrays(*(getattr(states, name) for name in self.names)))

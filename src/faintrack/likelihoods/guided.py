@@ -30,6 +30,7 @@ from faintrack.errors import InputError
 from faintrack.grids import Grid
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood, quiet_bin, quiet_table
 from faintrack.likelihoods.mesh import Mesh
+from faintrack.precision import full_precision
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
 
@@ -150,6 +151,7 @@ class Guided(eqx.Module):
 
         return means(arrays, ping)
 
+    @full_precision
     def _means(self, ping: Ping) -> Float[Array, "..."]:
         """`log_ratio`, of one ping."""
         mesh, pair = self.mesh, self.likelihood.sonar.geometry(ping)
@@ -268,6 +270,7 @@ def _default_at(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], doppler: Int[Array
     return defaults[mesh.whole(doppler, 2)]
 
 
+@full_precision
 def _cover(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], pair: Bistatic) -> Cover:
     """Areas and default values of all cells."""
     area, heard = mesh.areas(pair)

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from faintrack.errors import InputError
 from faintrack.likelihoods.interpolation import bearing_neighbours, read
+from faintrack.precision import full_precision
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
 
@@ -43,6 +44,7 @@ class LobeWidth(eqx.Module):
         """Natural log of the module's ratio at the states' bearings; the SNR is not read."""
         return read(self._log_ratios(scan), bearing_neighbours(self.grid, states.bearing))
 
+    @full_precision
     def _log_ratios(self, scan: BeamScan) -> Float[Array, " bearing"]:
         power = jnp.sum(scan.beam_power, axis=0)
         tiny = jnp.finfo(power.dtype).tiny

@@ -32,6 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from faintrack.precision import full_precision
 from faintrack.sensors.bearing_sets import BearingSensor
 
 NEAR = 8.0
@@ -41,6 +42,7 @@ SMALLEST = 1e-7
 """Of a uniform number whose logarithm is taken."""
 
 
+@full_precision
 def posterior_bound(
     states: Float[Array, "run scan component"],
     information: Float[Array, "component component"],

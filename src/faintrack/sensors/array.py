@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from faintrack.errors import InputError
+from faintrack.precision import full_precision
 
 RealArray = Float[Array, "..."] | Float[np.ndarray, "..."]
 
@@ -50,6 +51,7 @@ class SensorArray(eqx.Module):
         """Which channels are used."""
         return self.gains != 0
 
+    @full_precision
     def delays(self, bearing: RealArray) -> RealArray:
         r"""How much later than the origin each channel hears a plane wave; seconds.
 

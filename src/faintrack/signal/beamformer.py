@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from faintrack.errors import InputError
+from faintrack.precision import full_precision
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan, lobe_width
 
@@ -88,6 +89,7 @@ class Beamformer(eqx.Module):
         power = jnp.concatenate([here, opposite if self.grid.circular else opposite[..., ::-1]], axis=-1)
         return jnp.moveaxis(power, 0, 1)
 
+    @full_precision
     def _products(self, weights: Array, *parts: Array) -> tuple[Array, ...]:
         return tuple(jnp.einsum("fcb,tkfc->ftkb", weights, part) for part in parts)
 

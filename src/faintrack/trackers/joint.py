@@ -45,6 +45,7 @@ from faintrack.draws import normal, uniform
 from faintrack.filters.resampling import systematic
 from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio
 from faintrack.likelihoods.within import REFUTED
+from faintrack.precision import full_precision
 from faintrack.sensors.stations import EnergyScan
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs
@@ -208,6 +209,7 @@ class JointTrackers(eqx.Module):
         )
         return dataclasses.replace(resampled, states=self._spread(resampled, needed, for_spread))
 
+    @full_precision
     def _spread(self, beliefs: Beliefs, needed: Bool[Array, " slot"], key: PRNGKeyArray) -> Any:
         """Particles moved apart by a share of their spread, so that copies of one are different places."""
         fields = [field.name for field in dataclasses.fields(beliefs.states)]
@@ -229,6 +231,7 @@ class JointTrackers(eqx.Module):
         levels = (jax.vmap(lambda offset: _mixed(offset, count))(offsets[:, 0]) + offsets[:, 1:]) / count
         return levels < jax.nn.sigmoid(beliefs.log_odds)[:, None]
 
+    @full_precision
     def _proposed(
         self,
         beliefs: Beliefs,

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from faintrack.baselines.pda import Gaussian, extended
+from faintrack.precision import full_precision
 from faintrack.sensors.stations import EnergyScan, Stations
 from faintrack.studies.kreucher2011.scene import DEGREE, FANS, NOISE
 from faintrack.targets.motion import white_acceleration
@@ -38,6 +39,7 @@ def measured_bearings(scans: EnergyScan, states: PlanarState) -> Bearings:
     return _middle(jnp.take_along_axis(around, strongest, axis=3)[..., 0])
 
 
+@full_precision
 def filtered(bearings: Bearings) -> Bearings:
     """Bearings after a Kalman filter, scans a second apart."""
     a, b, c = (NOISE / RANGE * factor for factor in white_acceleration(1.0))

@@ -27,6 +27,7 @@ from faintrack.filters.existence_particle import ExistenceParticleFilter, OfPoss
 from faintrack.filters.guide_bearings import along_bearings
 from faintrack.filters.run import Filter, Likelihood, step
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
+from faintrack.precision import full_precision
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
 from faintrack.simulation.bearing_sets import draw_bearing_set
 from faintrack.studies.liu2013 import scene
@@ -127,6 +128,7 @@ def method(
     return begin, lambda belief, scan, key: step(filter, takes_in, belief, scan, key, guided)[0], tell
 
 
+@full_precision
 def classic(sensor: BearingSensor, published: Array, birth: Any) -> Ipda:
     """Data association with the same target and sensor; the state's components are x, y, vx, vy."""
     a, b, c = white_acceleration(jnp.asarray(scene.INTERVAL))
