@@ -131,6 +131,8 @@ def test_rows_say_what_the_runs_have() -> None:
         "swaps": 0,
         "level_2_declaration_scan": 11,
         "crowd_10_found": 3,
+        "crowd_2_ghosts": 1,
+        "crowd_2_found_ghosts": 3,
         "apart_1_kept": 1,
         "apart_0.5_kept_separate_gospa": 18**0.5,
     }

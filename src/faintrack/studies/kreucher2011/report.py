@@ -13,6 +13,7 @@ Intervals of shares are exact, others by bootstrap over the runs.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
@@ -20,6 +21,7 @@ from faintrack.metrics.intervals import binomial_interval, bootstrap_interval
 from faintrack.metrics.sets import gospa
 from faintrack.studies.kreucher2011 import runs, scene
 from faintrack.studies.kreucher2011.settings import APART, COUNTS
+from faintrack.studies.kreucher2011.triangulation import crossing
 from faintrack.studies.study import Results, Row, finished
 
 CUTOFF = 50.0
@@ -209,11 +211,44 @@ def rows_of_crowd(count: int, data: xr.Dataset) -> list[Row]:
     pairs = np.array([(each.pairs >= 0).all(axis=1).sum() for each in last])
     false = np.array([(each.pairs[:, 1] < 0).sum() for each in last])
     key = f"crowd_{count}"
-    return [
+    found = [
         _mean(f"{key}_found", f"{told}: those with a track at scan {scene.CROWD_SCANS}", "1", float(count), pairs),
         _mean(f"{key}_false", f"{told}: tracks of none at scan {scene.CROWD_SCANS}", "1", 0.0, false),
         *_distances(f"{key}_", f", {told}", tracks, errors=False),
     ]
+    if count == 2:
+        stay = np.array([ghosts_stay(each.true) for each in tracks])
+        where = f"both ghosts stay in the region for {SETTLED} scans, no faster than targets"
+        found.append(_share(f"{key}_ghosts", f"{told}: runs in which {where}", None, stay))
+        for name, which, each in (("ghosts", stay, f"where {where}"), ("clear", ~stay, "in the other runs")):
+            found.append(_mean(f"{key}_found_{name}", f"{told}: found {each}", "1", 2.0, pairs[which]))
+            found.append(_mean(f"{key}_false_{name}", f"{told}: tracks of none {each}", "1", 0.0, false[which]))
+    return found
+
+
+def ghosts_stay(true: np.ndarray) -> bool:
+    """Whether both places where the beams of one target cross those of another might be targets up to `SETTLED`.
+
+    Parameters
+    ----------
+    true : shape (scan, target, 2); m. The first two are looked at.
+
+    Examples
+    --------
+    >>> scan = np.arange(80.0)[:, None, None]
+    >>> ghosts_stay(np.array([[300.0, 800.0], [400.0, 800.0]]) + 0 * scan)
+    True
+    >>> ghosts_stay(np.array([[100.0, 400.0], [1300.0, 400.0]]) + 0 * scan)
+    False
+    """
+    stations = scene.stations()
+    east, north = np.moveaxis(true[:SETTLED, None, :2] - np.stack([stations.x, stations.y], axis=-1)[:, None], -1, 0)
+    bearings = np.arctan2(north, east)
+    bearings[:, 1] = bearings[:, 1, ::-1]
+    ghosts = np.asarray(crossing(stations, jnp.asarray(bearings)))
+    low, high = np.transpose(scene.REGION)
+    inside = (ghosts > low) & (ghosts < high)
+    return bool(inside.all() and (np.abs(np.diff(ghosts, axis=0)) < scene.SPEED.edges[-1]).all())
 
 
 def rows_of_pair(results: Results, beams: float) -> list[Row]:
