@@ -130,6 +130,7 @@ def test_rows_say_what_the_runs_have() -> None:
         "merged_in_close_pass_separate": 0,
         "swaps": 0,
         "level_2_declaration_scan": 11,
+        "level_3.5_handover_scan_last": 7,
         "crowd_10_found": 3,
         "crowd_2_ghosts": 1,
         "crowd_2_found_ghosts": 3,

@@ -189,6 +189,12 @@ def _level(results: Results, level: float) -> list[Row]:
             ),
             _mean(f"{key}_false", f"false tracks, {louder}", "1", 0.0, [each.false() for each in tracks]),
             _median(f"{key}_declaration_scan", f"scan of a target's declaration, median, {louder}", None, first),
+            _median(
+                f"{key}_handover_scan_last",
+                f"scan in which the last target is handed over, median of the runs that declare three, {louder}",
+                9.0,
+                handed_over(data)[[(label[SETTLED - 1] > 0).sum() == 3 for label in data.label.values]],
+            ),
         ]
     for name, how in (("", ""), ("_separate", ", never updated jointly")):
         data = finished(results, f"close_{level:g}{name}")
@@ -292,6 +298,8 @@ def _median(key: str, name: str, paper: float | None, scans: np.ndarray) -> Row:
     def middle(runs: np.ndarray) -> float:
         return float(np.median(runs))
 
+    if not len(scans):
+        return Row(key, name, "scan", paper, None)
     return Row(key, name, "scan", paper, middle(scans), _bootstrapped(middle, scans))
 
 

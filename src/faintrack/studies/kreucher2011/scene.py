@@ -36,7 +36,7 @@ SCANS, MEETING = 220, 167
 LEVEL = 3.0
 """Mean energy of a beam with a target, in standard deviations of the noise."""
 
-LEVELS = (2.0, 2.5, 3.0, 4.0)
+LEVELS = (2.0, 2.5, 3.0, 3.5, 4.0)
 """How loud targets are where that is varied."""
 
 NOISE = 0.05
