@@ -35,6 +35,7 @@ study = Study(
     ),
     rows,
     figures,
+    brief=True,
 )
 other = Study("other", "Another", study.settings, rows, figures)
 

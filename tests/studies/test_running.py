@@ -21,7 +21,7 @@ from faintrack.errors import InputError
 from faintrack.studies import running
 from faintrack.studies.folder import Folder, open_folder
 from faintrack.studies.running import connect, run_missing
-from faintrack.studies.study import repeat, run_batch
+from faintrack.studies.study import HURRIED, compiled_in_a_hurry, repeat, run_batch
 from tests.cli.calling import call
 from tests.studies.small import WHERE, deadly, study
 
@@ -62,6 +62,23 @@ def test_results_are_those_of_the_runs_one_by_one(whole: dict[str, xr.Dataset]) 
         again = repeat(WHERE, "short", run)
         np.testing.assert_array_equal(again["place"], whole["short"].place[run])
     assert len(np.unique(whole["short"].farthest)) == 22
+
+
+def test_a_brief_study_is_compiled_in_a_hurry(client: Any, whole: dict[str, xr.Dataset], tmp_path: Path) -> None:
+    """A quick one: the same runs but for rounding, and the same bits again."""
+    with opened(tmp_path / "quick", quick=True) as folder:
+        run_all(client, folder)
+        quick = folder.results("short")
+    np.testing.assert_allclose(quick.place, whole["short"].place[: quick.sizes["run"]], rtol=1e-5, atol=1e-5)
+    np.testing.assert_array_equal(repeat(WHERE, "short", 3, quick=True)["place"], quick.place[3])
+
+
+def test_options_that_the_compiler_does_not_know_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert compiled_in_a_hurry() == HURRIED
+    compiled_in_a_hurry.cache_clear()
+    monkeypatch.setattr("faintrack.studies.study.HURRIED", {"xla_of_another_version": 1})
+    assert compiled_in_a_hurry() is None
+    compiled_in_a_hurry.cache_clear()
 
 
 def test_one_worker_gives_the_bits_of_two(whole: dict[str, xr.Dataset], tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def run_missing(client: "Client", where: str, folder: Folder) -> Iterator[tuple[
     from distributed import KilledWorker, as_completed
     from distributed.client import FutureCancelledError
 
-    study, seed = folder.study, folder.plan.seed
+    study, seed, quick = folder.study, folder.plan.seed, folder.plan.quick
     # Every setting advances at the same pace, so that a study cut short is a smaller study.
     batches = iter(
         sorted(
@@ -101,7 +101,7 @@ def run_missing(client: "Client", where: str, folder: Folder) -> Iterator[tuple[
     def submit(count: int) -> list[Any]:
         futures = []
         for setting, first in itertools.islice(batches, count):
-            future = client.submit(run_batch, where, setting.name, seed, first, pure=False)
+            future = client.submit(run_batch, where, setting.name, seed, first, quick, pure=False)
             started[future] = setting, first
             futures.append(future)
         return futures

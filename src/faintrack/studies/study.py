@@ -33,6 +33,9 @@ STUDIES = {
 }
 """Studies that come with the package: name, and where it is."""
 
+HURRIED: dict[str, Any] = {"xla_backend_optimization_level": 1, "xla_cpu_use_fusion_emitters": False}
+"""By which XLA compiles in less than half of the time what then runs a third slower."""
+
 Results = Callable[[str], xr.Dataset]
 """Finished runs of a setting by its name."""
 
@@ -109,6 +112,7 @@ class Study:
     settings : the table.
     rows : function of the results to the study's numbers.
     figures : function of the results and a folder; draws pictures there and returns their paths.
+    brief : a quick study of it takes longer to compile than to run, so that XLA is told to hurry.
     """
 
     name: str
@@ -116,6 +120,7 @@ class Study:
     settings: tuple[Setting, ...]
     rows: Callable[[Results], list[Row]]
     figures: Callable[[Results, Path], list[Path]]
+    brief: bool = False
 
     def setting(self, name: str) -> Setting:
         """Setting of that name."""
@@ -175,27 +180,47 @@ def address(seed: int, setting: str, run: int | Int[Array, ""]) -> PRNGKeyArray:
     return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), zlib.crc32(setting.encode())), run)
 
 
-def run_batch(where: str, setting_name: str, seed: int, first: int) -> dict[str, np.ndarray]:
+def run_batch(where: str, setting_name: str, seed: int, first: int, quick: bool = False) -> dict[str, np.ndarray]:
     """One batch of runs, from the run `first` on; first axis of every array: runs."""
-    setting = load(where).setting(setting_name)
+    study = load(where)
+    setting = study.setting(setting_name)
     keys = jax.vmap(lambda run: address(seed, setting.address or setting.name, run))(first + np.arange(setting.batch))
     parameters = {name: np.float32(value) for name, value in setting.parameters.items()}
-    return {name: np.asarray(values) for name, values in _batched(setting.run, setting.batch)(keys, parameters).items()}
+    batched = _batched(setting.run, setting.batch, quick and study.brief)
+    return {name: np.asarray(values) for name, values in batched(keys, parameters).items()}
 
 
-def repeat(where: str, setting_name: str, run: int, seed: int = 0) -> dict[str, np.ndarray]:
-    """One run again: the arrays that the study kept of it, bit for bit on the same kind of machine."""
+def repeat(where: str, setting_name: str, run: int, seed: int = 0, quick: bool = False) -> dict[str, np.ndarray]:
+    """One run again: the arrays that the study kept of it, bit for bit on the same kind of machine.
+
+    Those of a quick study, where it was `quick`; they may be rounded otherwise.
+    """
     batch = load(where).setting(setting_name).batch
-    arrays = run_batch(where, setting_name, seed, run - run % batch)
+    arrays = run_batch(where, setting_name, seed, run - run % batch, quick)
     return {name: np.asarray(values[run % batch]) for name, values in arrays.items()}
 
 
 @functools.cache
-def _batched(run: Callable[..., dict[str, Array]], batch: int) -> Callable[..., dict[str, Array]]:
+def compiled_in_a_hurry() -> dict[str, Any] | None:
+    """Compiler options for what runs once: `HURRIED`, where this version of the compiler knows them."""
+    try:
+        jax.jit(lambda: 0, compiler_options=HURRIED)()
+    except jax.errors.JaxRuntimeError:
+        return None
+    return HURRIED
+
+
+@functools.cache
+def _batched(run: Callable[..., dict[str, Array]], batch: int, hurried: bool) -> Callable[..., dict[str, Array]]:
+    options = compiled_in_a_hurry() if hurried else None
     if batch == 1:
         # Mapped over an axis, `jax.lax.cond` takes both branches; a run alone need not.
-        return jax.jit(lambda keys, parameters: jax.lax.map(lambda key: run(key, **parameters), keys))
-    return jax.jit(jax.vmap(lambda key, parameters: run(key, **parameters), in_axes=(0, None)))
+        return jax.jit(
+            lambda keys, parameters: jax.lax.map(lambda key: run(key, **parameters), keys), compiler_options=options
+        )
+    return jax.jit(
+        jax.vmap(lambda key, parameters: run(key, **parameters), in_axes=(0, None)), compiler_options=options
+    )
 
 
 def _finite(value: float | None) -> float | None:

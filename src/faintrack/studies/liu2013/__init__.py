@@ -5,4 +5,6 @@ from faintrack.studies.liu2013.report import rows
 from faintrack.studies.liu2013.settings import SETTINGS
 from faintrack.studies.study import Study
 
-study = Study("liu2013", "Bearings only: is there a target among false bearings, and where", SETTINGS, rows, figures)
+study = Study(
+    "liu2013", "Bearings only: is there a target among false bearings, and where", SETTINGS, rows, figures, brief=True
+)

@@ -34,7 +34,7 @@ from faintrack.metrics.cramer_rao import bearing_information, posterior_bound
 from faintrack.metrics.intervals import bootstrap_interval
 from faintrack.studies.liu2013 import runs, scene
 from faintrack.studies.liu2013.settings import BIRTHS, DETECTION, FALSE, GROUPS, PARTICLES
-from faintrack.studies.study import Results, Row, finished
+from faintrack.studies.study import Results, Row, compiled_in_a_hurry, finished
 
 PAPER = {"particle": (0.0067, 0.96), "ipda": (0.04, 0.812), "immpda": (0.5333, 0.86)}
 """Table 2: probabilities of a false alarm and of detection."""
@@ -118,11 +118,11 @@ def bound(spread: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 def _bound(spread: float) -> tuple[np.ndarray, np.ndarray]:
     share, _ = bearing_information(jax.random.key(0), scene.sensor())
-    alone, among = (np.asarray(_position_bound(jnp.asarray(spread), jnp.asarray(each)), float) for each in (1.0, share))
+    of_share = jax.jit(_position_bound, compiler_options=compiled_in_a_hurry())
+    alone, among = (np.asarray(of_share(jnp.asarray(spread), jnp.asarray(each)), float) for each in (1.0, share))
     return alone, among
 
 
-@jax.jit
 def _position_bound(spread: jax.Array, share: jax.Array) -> jax.Array:
     """Bound of the position with a share of the bearing's information."""
     paths = jax.vmap(lambda key: scene.path(key, spread))(jax.random.split(jax.random.key(1), 200))
