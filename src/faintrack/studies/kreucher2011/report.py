@@ -320,5 +320,7 @@ def _share(key: str, name: str, paper: float | None, values: np.ndarray) -> Row:
 def _bootstrapped(statistic: Callable[[np.ndarray], float], values: np.ndarray) -> tuple[float | None, float | None]:
     if len(values) < 2:
         return None, None
-    low, high = bootstrap_interval(statistic, values, BOOTSTRAPS)
+    # A median of scans may be infinite, where most targets are never declared.
+    with np.errstate(invalid="ignore"):
+        low, high = bootstrap_interval(statistic, values, BOOTSTRAPS)
     return float(low), float(high)
