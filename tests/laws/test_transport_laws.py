@@ -278,6 +278,14 @@ def test_implicit_steps_solve_the_equations(axes: tuple[str, ...], substeps: int
     np.testing.assert_allclose(np.exp(log_lost), before - expected.sum(), rtol=1e-4)
 
 
+def test_what_crosses_the_grid_in_a_step_has_left_it() -> None:
+    """Rates of 500 cells a step and none: those leave, this one stays, and nothing is not a number."""
+    grid = Grid(RangeState, (("range", Axis(0.0, 1.0, 10)), ("range_rate", Axis(-500.0, 500.0, 3))))
+    moved, log_lost = carry(alternating_directions(grid, 0.0, 1.0, 1000), jnp.full(grid.shape, -np.log(30.0)), 0.0, 1.0)
+    np.testing.assert_allclose(np.exp(moved), np.tile([0, 1 / 30, 0], (10, 1)), rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(np.exp(log_lost), 2 / 3, rtol=1e-5)
+
+
 def test_slow_targets_keep_their_course() -> None:
     """A fifteenth of a cell a step (stone2002, 4.2): after 150 steps ten cells, and all in one."""
     grid = Grid(RangeState, (("range", Axis(0.0, 1.0, 40)), ("range_rate", Axis(0.0, 1 / 15, 2))))

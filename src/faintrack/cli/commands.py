@@ -187,7 +187,9 @@ def calibrate(
 
 
 def bench(
-    rows: Annotated[list[str] | None, typer.Argument(help="Rows to measure; all where none is named.")] = None,
+    rows: Annotated[
+        list[str] | None, typer.Argument(help="Rows to measure; all that this machine is for where none is named.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Measure speed against peers and against the machine's own limit, all in this run.

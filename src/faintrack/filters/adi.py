@@ -53,7 +53,7 @@ class Stream(eqx.Module):
     Attributes
     ----------
     first, last : of the rates, the last not included.
-    forward : the way.
+    forward : towards higher places; otherwise towards lower ones.
     shares : of what arrives at a place from so many cells before it.
     """
 
@@ -206,18 +206,21 @@ def _ways(place: Axis, rate: Axis, interval: float, substeps: int) -> Float[np.n
     ways = np.cumprod(np.concatenate([(1 + courant[None]) ** -substeps, further]), axis=0)
     total = ways.sum(axis=0)
     ways[ways <= NEGLIGIBLE] = 0
-    return ways * np.where(total > 1 - NEGLIGIBLE, 1, total) / ways.sum(axis=0)
+    # None is left where a target crosses the whole grid in a step.
+    kept = np.maximum(ways.sum(axis=0), np.finfo(float).tiny)
+    return ways * np.where(total > 1 - NEGLIGIBLE, 1, total) / kept
 
 
 def _streams(ways: Float[np.ndarray, "distance rate"], rate: Axis) -> tuple[Stream, ...]:
     """Rates that go back, and the others."""
     back = int(np.count_nonzero(rate.values < 0))
-    parts = [(0, back, False), (back, rate.count, True)]
-    return tuple(
-        Stream(first, last, forward, ways[: 1 + int(np.flatnonzero(ways[:, first:last].any(axis=1)).max()), first:last])
-        for first, last, forward in parts
-        if first < last
-    )
+    streams = []
+    for first, last, forward in ((0, back, False), (back, rate.count, True)):
+        if first < last:
+            shares = ways[:, first:last]
+            reach = np.max(np.flatnonzero(shares.any(axis=1)), initial=0)
+            streams.append(Stream(first, last, forward, shares[: reach + 1]))
+    return tuple(streams)
 
 
 def _leaving(ways: Float[np.ndarray, "distance rate"], rate: Axis) -> Float[np.ndarray, "rate place"]:

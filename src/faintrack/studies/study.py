@@ -19,7 +19,7 @@ from typing import Any
 import jax
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Int, PRNGKeyArray
+from jaxtyping import Array, Int, Key, PRNGKeyArray
 
 from faintrack.errors import InputError
 
@@ -212,15 +212,12 @@ def compiled_in_a_hurry() -> dict[str, Any] | None:
 
 @functools.cache
 def _batched(run: Callable[..., dict[str, Array]], batch: int, hurried: bool) -> Callable[..., dict[str, Array]]:
-    options = compiled_in_a_hurry() if hurried else None
-    if batch == 1:
+    def batched(keys: Key[Array, " run"], parameters: Mapping[str, Array]) -> dict[str, Array]:
         # Mapped over an axis, `jax.lax.cond` takes both branches; a run alone need not.
-        return jax.jit(
-            lambda keys, parameters: jax.lax.map(lambda key: run(key, **parameters), keys), compiler_options=options
-        )
-    return jax.jit(
-        jax.vmap(lambda key, parameters: run(key, **parameters), in_axes=(0, None)), compiler_options=options
-    )
+        over = jax.lax.map if batch == 1 else lambda one, keys: jax.vmap(one)(keys)
+        return over(lambda key: run(key, **parameters), keys)
+
+    return jax.jit(batched, compiler_options=compiled_in_a_hurry() if hurried else None)
 
 
 def _finite(value: float | None) -> float | None:

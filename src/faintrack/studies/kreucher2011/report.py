@@ -193,7 +193,7 @@ def _level(results: Results, level: float) -> list[Row]:
                 f"{key}_handover_scan_last",
                 f"scan in which the last target is handed over, median of the runs that declare three, {louder}",
                 9.0,
-                handed_over(data)[[(label[SETTLED - 1] > 0).sum() == 3 for label in data.label.values]],
+                handed_over(data)[(data.label.values[:, SETTLED - 1] > 0).sum(axis=1) == len(scene.STARTS)],
             ),
         ]
     for name, how in (("", ""), ("_separate", ", never updated jointly")):
