@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import norm
 
 from faintrack.errors import InputError
-from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio
+from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio, set_log_ratio
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.targets.states import BearingState, PlanarState
 from tests.tolerances import STANDARD_ERRORS, assert_mean, rounding
@@ -170,3 +170,61 @@ def test_mean_ratio_without_a_target_is_one_and_that_of_a_region_below(float64: 
     for draws in (region, heard):
         error = float(draws.std()) / math.sqrt(len(draws))
         assert float(draws.mean()) < 1 + STANDARD_ERRORS * error
+
+
+def crossings() -> tuple[jax.Array, jax.Array]:
+    """A table of a scan, and the beams of two targets and of the two places where their beams cross otherwise."""
+    table = MODEL.table(scan(np.random.default_rng(8)), 5)
+    return table, jnp.asarray([[3, 11, 3, 11, 7], [20, 4, 4, 20, 30]])[:, :, None]
+
+
+def ratio_of(members: tuple[int, ...], there: tuple[int, ...] = (), groups: tuple[tuple[int, ...], ...] = ()) -> float:
+    """Log ratio of a set of the five; all are of one group where no others are told."""
+    table, beams = crossings()
+    number = np.arange(5)
+    joint = np.ones((5, 5), bool)
+    if groups:
+        mark = np.array([next(mark for mark, group in enumerate(groups) if one in group) for one in number])
+        joint = mark[:, None] == mark
+    certain = jnp.asarray(np.isin(number, there))[:, None]
+    chosen = jnp.asarray(np.isin(number, members))
+    return float(set_log_ratio(table, beams, certain, chosen, jnp.asarray(joint))[0])
+
+
+def test_a_set_of_one_target_has_the_ratio_of_the_region(float64: type) -> None:
+    table, beams = crossings()
+    for target in range(5):
+        own = table[jnp.arange(2), beams[:, target, 0], 1]
+        expected = float(region_log_ratio(own, jnp.ones(2, bool)))
+        assert ratio_of((target,)) == pytest.approx(expected, abs=1e-12)
+    assert ratio_of(()) == 0
+
+
+def test_two_targets_and_their_ghosts_have_the_same_ratio(float64: type) -> None:
+    """Whatever the scan is: they explain the same beams."""
+    assert ratio_of((0, 1)) == pytest.approx(ratio_of((2, 3)), abs=1e-12)
+
+
+def test_a_set_counts_every_beam_once_for_all_its_targets(float64: type) -> None:
+    """Three of the four crossings: beams of one target and of two, the weaker array of the whole group."""
+    table, _ = (np.asarray(values) for values in crossings())
+    arrays = [table[0, 3, 2] + table[0, 11, 1], table[1, 20, 1] + table[1, 4, 2]]
+    expected = sum(min(one, 0) for one in arrays) + max(min(arrays), 0)
+    assert ratio_of((0, 1, 2)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_beside_targets_that_are_there_a_set_has_what_it_adds(float64: type) -> None:
+    """Both ghosts of two declared targets are the second in each of their beams."""
+    table, _ = (np.asarray(values) for values in crossings())
+    arrays = [
+        sum(table[array, beam, 2] - table[array, beam, 1] for beam in beams)
+        for array, beams in enumerate([(3, 11), (20, 4)])
+    ]
+    expected = sum(min(one, 0) for one in arrays) + max(min(arrays), 0)
+    assert ratio_of((2, 3), there=(0, 1)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_groups_of_a_set_are_compared_with_their_own_best_absence(float64: type) -> None:
+    groups = ((0, 2), (1, 3), (4,))
+    apart = ratio_of((0,)) + ratio_of((1,)) + ratio_of((4,))
+    assert ratio_of((0, 1, 4), groups=groups) == pytest.approx(apart, abs=1e-12)

@@ -22,6 +22,9 @@ STAYS = 0.02
 """Rate of departure; with it existence after prediction is exp(-0.02) of that before."""
 
 ANYWHERE = tuple(PlanarState(*(jnp.array(sign * most) for most in (500.0, 500.0, 50.0, 50.0))) for sign in (-1, 1))
+GHOSTS = [(100.0, 100.0), (-100.0, -100.0), (100.0, -100.0)]
+"""Two targets, and one of the places where their beams cross otherwise."""
+
 still = JointTrackers(
     Target(None, PlanarMotion(0.0), 0.0, STAYS), MODEL, ANYWHERE, slots=3, particles=1024, proposals=1
 )
@@ -47,7 +50,7 @@ def scan(seed: int) -> EnergyScan:
     [
         [(10.0, 10.0), (300.0, -200.0), (-200.0, 300.0)],
         [(10.0, 10.0), (10.0, 10.0), (-200.0, 300.0)],
-        [(100.0, 100.0), (-100.0, -100.0), (100.0, -100.0)],
+        GHOSTS,
     ],
     ids=["apart", "two in one place", "one where the beams of two cross"],
 )
@@ -80,6 +83,38 @@ def test_existence_is_the_sum_over_every_subset(places: list[tuple[float, float]
     apart = all(len(set(row)) == 3 for row in beams)
     tolerance = rounding(np.float32, 1000) if apart else STANDARD_ERRORS / (0.2 * 2 * math.sqrt(1024))
     np.testing.assert_allclose(after.beliefs.log_odds, expected, atol=tolerance)
+
+
+@pytest.mark.parametrize(
+    "places", [GHOSTS, [(10.0, 10.0), (10.0, 10.0), (-200.0, 300.0)]], ids=["a ghost", "two in one"]
+)
+def test_tentative_existence_is_the_sum_over_every_set(places: list[tuple[float, float]]) -> None:
+    """Bayes' rule over eight sets of one group; what an array says is the joint energies' ratio, multiplied out."""
+    before = [0.6, 0.7, 0.8]
+    after = still.step(held(still, places, before, 0.0), scan(7), jnp.zeros(3, bool), jax.random.key(1))
+    predicted = np.array(before) * math.exp(-STAYS)
+    table = np.asarray(MODEL.table(scan(7), 3), float)
+    x, y = np.array(places).T
+    beams = np.asarray(MODEL.fans.beams(STATIONS, PlanarState(jnp.asarray(x), jnp.asarray(y), *jnp.zeros((2, 3)))))
+    joint, total = np.zeros(3), 0.0
+    for subset in itertools.product([False, True], repeat=3):
+        chosen = np.array(subset)
+        log_ratio = 0.0
+        # The third is by itself where the first two are in one place.
+        for group in [[0, 1, 2]] if places is GHOSTS else [[0, 1], [2]]:
+            mine = chosen & np.isin(np.arange(3), group)
+            said = [
+                sum(
+                    table[array, beam, n]
+                    for beam, n in zip(*np.unique(beams[array, mine], return_counts=True), strict=True)
+                )
+                for array in range(2)
+            ]
+            log_ratio += sum(min(one, 0) for one in said) + max(min(said), 0)
+        weight = np.prod(np.where(chosen, predicted, 1 - predicted)) * math.exp(log_ratio)
+        total += weight
+        joint += weight * chosen
+    np.testing.assert_allclose(after.beliefs.log_odds, np.log(joint / (total - joint)), atol=rounding(np.float32, 1000))
 
 
 def test_a_single_target_is_a_bernoulli_filter() -> None:

@@ -190,6 +190,47 @@ def occupied_log_ratios(
     return whole - jnp.where(there, jnp.sum(own, axis=0), 0), own
 
 
+def set_log_ratio(
+    table: Float[Array, "array beam number"],
+    beams: Int[Array, "array target particle"],
+    there: Bool[Array, "target particle"],
+    members: Bool[Array, " target"],
+    joint: Bool[Array, "target target"],
+) -> Float[Array, " particle"]:
+    r"""Log ratio of particles for a set of targets, in a region that energy from outside reaches.
+
+    Beside targets that are there, the energy of a beam speaks for the n members in it together, and each has an even
+    share of the ratio. What array j says for a group is the sum over its members, :math:`\lambda_j`, and the set has
+    the sum of :math:`\log \ell_R` over its groups (the module's last equation). So two sets that explain the same
+    beams, two targets or the two places where their beams cross otherwise, have the same ratio; a set of one target has
+    that of `region_log_ratio`.
+
+    Parameters
+    ----------
+    table : `BeamEnergies.table`; of as many targets as there are.
+    beams : of every target in every particle; -1 where an array does not hear it.
+    there : whether a target is part of a joint state for certain.
+    members : targets of the set; none of those that are there.
+    joint : whether two targets are of one group; every target is of its own.
+
+    Returns
+    -------
+    log of p(z | X, targets that are there and members) / p(z | X, targets that are there), with the best explanation
+    without the members below the line.
+    """
+    same = (beams[:, :, None] == beams[:, None, :]) & joint[None, :, :, None]
+    others = jnp.sum(same & there, axis=2)
+    count = jnp.sum(same & members[:, None], axis=2)
+    array = jnp.arange(table.shape[0])[:, None, None]
+    ratio = table[array, beams, others + count] - table[array, beams, others]
+    shares = jnp.where(members[:, None], ratio / jnp.maximum(count, 1), 0)
+    within = (joint & members)[None, :, :, None]
+    together = jnp.sum(jnp.where(within, shares[:, None], 0), axis=2)
+    heard = jnp.any(within & (beams >= 0)[:, None], axis=2)
+    size = jnp.maximum(jnp.sum(within, axis=2), 1)[0]
+    return jnp.sum(jnp.where(members[:, None], region_log_ratio(together, heard) / size, 0), axis=0)
+
+
 def _known(value: Any) -> bool:
     """Whether a number can be looked at, not only traced."""
     return isinstance(value, (int, float, np.ndarray, np.generic))

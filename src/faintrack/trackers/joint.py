@@ -13,15 +13,21 @@ With :math:`E_p` the members that exist in joint state p, drawn with their proba
         \frac{\sum_p w_p \, p(z \mid X_p, E_p \cup t)}{\sum_p w_p \, p(z \mid X_p, E_p \setminus t)}, \qquad
     w_{tp}' \propto w_p \, p(z \mid X_p, E_p \cup t)
 
-which is the one update of `faintrack.belief`, its log ratio less the log of the lower sum. Until a target is declared,
-the lower sum is of the best explanation without it, energy from outside the region that one array hears
-(`faintrack.likelihoods.beam_energies.region_log_ratio`): where the beam of a target in hand crosses one of nobody's,
-one array speaks for a ghost and the other against it, and the other counts. Two trackers on one target, or one where
-the beams of two others cross, have beams that are explained without them: their evidence falls below one, and they die.
-A target that leaves the region of the detectors, or moves faster than they know, is gone. As long as a target is
-tentative it may be such a **ghost**: it does not yet explain anything to the particles of others, which it would push
-out of their beams, but its existence and theirs are weighed against each other. Members that exist for certain have
-equal weights, and so stay paired when they are resampled.
+which is the one update of `faintrack.belief`, its log ratio less the log of the lower sum. Two trackers on one target
+have beams that are explained without them: their evidence falls below one, and one dies. A target that leaves the
+region of the detectors, or moves faster than they know, is gone. Members that exist for certain have equal weights, and
+so stay paired when they are resampled.
+
+Until it is declared a target is **tentative**: it may be a **ghost**, a place where the beams of two others cross. It
+does not yet explain anything to the particles of others, which it would push out of their beams, and existence is
+believed of whole sets e of tentative targets (`faintrack.trackers.hypotheses`), with the evidence
+
+.. math:: \frac{p(z|e)}{p(z|\emptyset)} = \frac{1}{P} \sum_p \ell_R(z|X_p, e)
+
+where each target's places are drawn from its particles, and :math:`\ell_R` compares with the best explanation without
+the set, energy from outside the region that one array hears (`faintrack.likelihoods.beam_energies.set_log_ratio`):
+where the beam of a target in hand crosses one of nobody's, one array speaks for a ghost and the other against it, and
+the other counts.
 
 **Coupled partitions** propose the particles (Kreucher, Kastella and Hero 2005): one member after the other, each joint
 state draws several places to move to, and takes one with the probability that the scan gives it beside the other
@@ -43,15 +49,19 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from faintrack.belief import covariance, mean, update
 from faintrack.draws import normal, uniform
 from faintrack.filters.resampling import systematic
-from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio
+from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, set_log_ratio
 from faintrack.likelihoods.within import REFUTED
 from faintrack.precision import full_precision
 from faintrack.sensors.stations import EnergyScan
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs
+from faintrack.trackers.hypotheses import Hypotheses
 
 KERNEL = 0.2
 """Standard deviation by which resampled particles are moved apart, over that of all of them."""
+
+WEIGHING = 4
+"""Particles of a target for each that sets of targets are weighed with."""
 
 
 class Followed(eqx.Module):
@@ -62,11 +72,13 @@ class Followed(eqx.Module):
     beliefs : of every slot, stacked; states and weights have the shape (slot, particle).
     active : slots that hold a target.
     joint : whether two slots were updated together in the last scan.
+    hypotheses : which of the targets that are not declared exist.
     """
 
     beliefs: Beliefs
     active: Bool[Array, " slot"]
     joint: Bool[Array, "slot slot"]
+    hypotheses: Hypotheses
 
 
 class JointTrackers(eqx.Module):
@@ -104,7 +116,8 @@ class JointTrackers(eqx.Module):
             jnp.full(self.slots, -jnp.inf, like.dtype),
             jnp.asarray(time, like.dtype),
         )
-        return Followed(beliefs, jnp.zeros(self.slots, bool), jnp.eye(self.slots, dtype=bool))
+        alone = jnp.eye(self.slots, dtype=bool)
+        return Followed(beliefs, jnp.zeros(self.slots, bool), alone, Hypotheses.none(self.slots))
 
     @eqx.filter_jit
     def step(self, followed: Followed, scan: EnergyScan, declared: Bool[Array, " slot"], key: PRNGKeyArray) -> Followed:
@@ -121,11 +134,14 @@ class JointTrackers(eqx.Module):
         interval = scan.time - followed.beliefs.time
         joint = self._groups(followed, scan)
         resampled = self._resampled(followed, joint, for_choice)
-        there = jax.nn.log_sigmoid(resampled.log_odds) - self.target.departure_rate * interval
+        log_stays = -self.target.departure_rate * interval
+        there = jax.nn.log_sigmoid(resampled.log_odds) + log_stays
         log_odds = jnp.where(followed.active, there - jnp.log(-jnp.expm1(there)), -jnp.inf)
         beliefs = dataclasses.replace(resampled, log_odds=log_odds.astype(there.dtype), time=scan.time)
+        tentative = followed.active & ~declared
+        hypotheses = followed.hypotheses.settled(declared, ~followed.active).departed(log_stays)
 
-        exists = self._there(beliefs, for_there)
+        exists = self._there(beliefs, hypotheses, declared, for_there)
         table = self.likelihood.table(scan, self.slots)
         explains = exists & declared[:, None]
         states, beams, correction = self._proposed(beliefs, explains, joint, scan, table, interval, for_move)
@@ -134,15 +150,24 @@ class JointTrackers(eqx.Module):
 
         def updated(there: Array) -> Beliefs:
             without, own = occupied_log_ratios(table, beams, there, joint)
-            with_it = without + jnp.sum(own, axis=0)
-            elsewhere = with_it - region_log_ratio(own, beams >= 0)
-            without = jnp.where(declared[:, None], without, elsewhere)
-            log_ratio = with_it - jax.nn.logsumexp(log_weights + without, axis=1, keepdims=True)
+            log_ratio = without + jnp.sum(own, axis=0)
+            log_ratio = log_ratio - jax.nn.logsumexp(log_weights + without, axis=1, keepdims=True)
             log_ratio = log_ratio + self._beyond(states)
             return predicted.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
 
         whether, where = updated(exists), updated(explains)
-        return Followed(dataclasses.replace(where, log_odds=whether.log_odds), followed.active, joint)
+        few = self._paired(log_weights, joint & declared & declared[:, None], for_there)
+        at = jnp.take_along_axis(beams, few[None], axis=2)
+        certain, beyond = (jnp.take_along_axis(each, few, axis=1) for each in (explains, self._beyond(states)))
+
+        def evidence(members: Array) -> Array:
+            ratio = set_log_ratio(table, at, certain, members, joint)
+            ratio = ratio + jnp.sum(jnp.where(members[:, None], beyond, 0), axis=0)
+            return jax.nn.logsumexp(ratio) - jnp.log(ratio.size)
+
+        hypotheses = hypotheses.updated(evidence)
+        log_odds = jnp.where(tentative, hypotheses.log_odds, whether.log_odds)
+        return Followed(dataclasses.replace(where, log_odds=log_odds), followed.active, joint, hypotheses)
 
     def take(self, followed: Followed, states: Any, log_odds: Float[Array, ""]) -> Followed:
         """Put a target into the first free slot, of which there is one; `states` has as many entries as particles."""
@@ -157,7 +182,8 @@ class JointTrackers(eqx.Module):
             old.time,
         )
         joint = (followed.joint & ~mine[:, None] & ~mine[None, :]) | jnp.eye(self.slots, dtype=bool)
-        return Followed(beliefs, followed.active | mine, joint)
+        hypotheses = followed.hypotheses.settled(jnp.zeros_like(mine), ~followed.active).joined(mine, log_odds)
+        return Followed(beliefs, followed.active | mine, joint, hypotheses)
 
     def middles(self, followed: Followed) -> Any:
         """Mean state of every slot."""
@@ -223,13 +249,27 @@ class JointTrackers(eqx.Module):
         moved = {name: getattr(beliefs.states, name) + apart[:, number] for number, name in enumerate(fields)}
         return dataclasses.replace(beliefs.states, **moved)
 
-    def _there(self, beliefs: Beliefs, key: PRNGKeyArray) -> Bool[Array, "slot particle"]:
-        """In which joint states each target exists, as often as it is likely to."""
+    def _paired(
+        self, log_weights: Float[Array, "slot particle"], pairs: Bool[Array, "slot slot"], key: PRNGKeyArray
+    ) -> Int[Array, "slot few"]:
+        """Few particles of every slot, as often as they are likely; those of pairs are of the same joint states."""
+        one = jnp.argmax(pairs | jnp.eye(self.slots, dtype=bool), axis=1)
+        keys = jax.vmap(lambda number: jax.random.fold_in(key, number))(one)
+        few = max(self.particles // WEIGHING, 1)
+        return jax.vmap(lambda key, weights: _shuffled(key, weights, few))(keys, log_weights)
+
+    def _there(
+        self, beliefs: Beliefs, hypotheses: Hypotheses, declared: Bool[Array, " slot"], key: PRNGKeyArray
+    ) -> Bool[Array, "slot particle"]:
+        """In which joint states each target exists, as often as it is likely to, tentative ones as the sets have it."""
         count = self.particles
         offsets = jax.random.uniform(key, (self.slots, 2))
         # Evenly spaced levels in a shuffled order: every slot exists in its share of the joint states, to within one.
         levels = (jax.vmap(lambda offset: _mixed(offset, count))(offsets[:, 0]) + offsets[:, 1:]) / count
-        return levels < jax.nn.sigmoid(beliefs.log_odds)[:, None]
+        alone = levels < jax.nn.sigmoid(beliefs.log_odds)[:, None]
+        for_comb, for_order = jax.random.split(jax.random.fold_in(key, self.slots))
+        together = hypotheses.drawn(for_comb, count)[_mixed(jax.random.uniform(for_order), count)]
+        return jnp.where(declared[:, None], alone, together.T)
 
     @full_precision
     def _proposed(
@@ -286,7 +326,7 @@ def _mixed(offset: Float[Array, ""], count: int) -> Int[Array, " count"]:
     return (jnp.arange(count, dtype=jnp.int32) * step + shift) % count
 
 
-def _shuffled(key: PRNGKeyArray, log_weights: Float[Array, " particle"], count: int) -> Int[Array, " particle"]:
+def _shuffled(key: PRNGKeyArray, log_weights: Float[Array, " particle"], count: int) -> Int[Array, " few"]:
     """Systematic resampling in a mixed order, so that particles of two targets are paired at random."""
     for_comb, for_order = jax.random.split(key)
     return systematic(for_comb, log_weights, count, count)[_mixed(jax.random.uniform(for_order), count)]

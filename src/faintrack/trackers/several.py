@@ -7,10 +7,11 @@ region (`faintrack.trackers.detectors`), which leave out what is explained alrea
 - in a beam of a declared target, it can only say that there is none: what explains the energy is known.
 
 The second rule is what keeps **ghosts** away, places where the beams of two targets cross. Before any target is
-declared a ghost looks like one, and may be handed over; but once both of its targets are in hand, their beams are
+declared a ghost looks like one, and may be handed over; but once both of its targets are declared, their beams are
 explained without it, and it dies. So a target that has been handed over is tentative: it is declared, and labelled,
-when it has lasted for some scans and its existence is above a threshold. It is dropped when its existence falls below
-a lower one.
+when it has lasted for some scans and its existence is above a threshold, in spite of all other sets of tentative
+targets (`faintrack.trackers.hypotheses`). It is dropped when its existence falls below a lower one; a tentative one
+only if its slot may be needed.
 """
 
 import dataclasses
@@ -93,6 +94,7 @@ class SeveralTargetsTracker(eqx.Module):
     detect : probability of a detector at which it hands over.
     declare : existence at which a target is declared, once it has been in hand for `hold` scans.
     drop : existence below which a target is given up.
+    doubt : the same of a tentative one as long as a slot is free: its turn may come with a target that is found later.
     hold : scans that a target is tentative at least.
     margin : beams around those of a target that it explains.
     """
@@ -102,6 +104,7 @@ class SeveralTargetsTracker(eqx.Module):
     detect: float = 0.9
     declare: float = 0.99
     drop: float = 0.1
+    doubt: float = 1e-8
     hold: int = 10
     margin: int = eqx.field(static=True, default=1)
 
@@ -117,7 +120,9 @@ class SeveralTargetsTracker(eqx.Module):
         """Take in one scan. `key` is that of the whole record; each scan makes its own from it."""
         for_trackers, for_detectors, for_hand_over = jax.random.split(jax.random.fold_in(key, watching.scans), 3)
         followed = self.trackers.step(watching.followed, scan, watching.label > 0, for_trackers)
-        kept = followed.active & (followed.beliefs.existence >= self.drop)
+        held = followed.active
+        lowest = jnp.where((watching.label > 0) | jnp.all(held), self.drop, self.doubt)
+        kept = held & (followed.beliefs.existence >= lowest)
         followed = dataclasses.replace(followed, active=kept)
         age = jnp.where(kept, watching.age + 1, 0)
         old = kept & (watching.label > 0)

@@ -4,7 +4,8 @@ Printed: arrays at (0, 0) and (700, 0) m, beams 1 degree apart, 4 x 4 detectors 
 1 m/s, two of the three starts, one joint stretch (scans 146 to 188). Chosen, as the paper does not say: arrays that
 point east; the region, 0 to 1500 m east and 200 to 1700 m north; scans a second apart; an acceleration of 0.05 m/s per
 root second, of the targets as of the tracker; energies of beams with unit noise, which a target raises by `LEVEL`;
-detectors that hand over at a probability of 0.9; the third start, (1125, 800) m.
+detectors that hand over at a probability of 0.9; targets that are declared at an existence of 0.999; the third start,
+(1125, 800) m.
 
 Targets move at a nearly constant velocity, drawn anew for every run; their starting velocities are such that they are
 where `AIMS` says at scan 167, the middle of the paper's stretch. There the first and the third are 8 m from each other,
@@ -38,6 +39,9 @@ LEVEL = 3.0
 
 LEVELS = (2.0, 2.5, 3.0, 3.5, 4.0)
 """How loud targets are where that is varied."""
+
+DECLARE = 0.999
+"""Existence at which a target is declared."""
 
 NOISE = 0.05
 """Density of the acceleration of targets; m/s per root second."""
@@ -106,6 +110,7 @@ def tracker(
         departure_rate=DEPARTURE,
         slots=slots,
         separate=separate,
+        declare=DECLARE,
     )
 
 
