@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +23,9 @@ STAYS = 0.02
 """Rate of departure; with it existence after prediction is exp(-0.02) of that before."""
 
 ANYWHERE = tuple(PlanarState(*(jnp.array(sign * most) for most in (500.0, 500.0, 50.0, 50.0))) for sign in (-1, 1))
+BEFORE = [0.6, 0.7, 0.8]
+"""Existence of three targets before a scan."""
+
 GHOSTS = [(100.0, 100.0), (-100.0, -100.0), (100.0, -100.0)]
 """Two targets, and one of the places where their beams cross otherwise."""
 
@@ -45,6 +49,33 @@ def scan(seed: int) -> EnergyScan:
     return EnergyScan(jnp.array(1.0), energy, jnp.ones((2, 37), bool), STATIONS)
 
 
+def beams_of(places: list[tuple[float, float]]) -> np.ndarray:
+    """Beam of each of three places in each array."""
+    x, y = np.array(places).T
+    return np.asarray(MODEL.fans.beams(STATIONS, PlanarState(jnp.asarray(x), jnp.asarray(y), *jnp.zeros((2, 3)))))
+
+
+def said(beams: np.ndarray, chosen: np.ndarray) -> list[float]:
+    """Log ratio of each array with targets in some of the places, every beam counted once."""
+    table = np.asarray(MODEL.table(scan(7), 3), float)
+    return [
+        sum(table[array, beam, n] for beam, n in zip(*np.unique(row[chosen], return_counts=True), strict=True))
+        for array, row in enumerate(beams)
+    ]
+
+
+def summed(log_ratio: Callable[[np.ndarray], float]) -> np.ndarray:
+    """Log odds of three targets after a scan, by Bayes' rule over the eight sets of those that exist."""
+    predicted = np.array(BEFORE) * math.exp(-STAYS)
+    joint, total = np.zeros(3), 0.0
+    for subset in itertools.product([False, True], repeat=3):
+        chosen = np.array(subset)
+        weight = np.prod(np.where(chosen, predicted, 1 - predicted)) * math.exp(log_ratio(chosen))
+        total += weight
+        joint += weight * chosen
+    return np.log(joint / (total - joint))
+
+
 @pytest.mark.parametrize(
     "places",
     [
@@ -60,26 +91,9 @@ def test_existence_is_the_sum_over_every_subset(places: list[tuple[float, float]
     Who exists is drawn for each of n particles, so odds err by chance: a share strays by 1/(2 sqrt(n)) at most, and
     odds no further than that over the smallest share, 0.2.
     """
-    before = [0.6, 0.7, 0.8]
-    after = still.step(held(still, places, before, 0.0), scan(7), jnp.ones(3, bool), jax.random.key(1))
-    predicted = np.array(before) * math.exp(-STAYS)
-    table = np.asarray(MODEL.table(scan(7), 3), float)
-    x, y = np.array(places).T
-    beams = np.asarray(MODEL.fans.beams(STATIONS, PlanarState(jnp.asarray(x), jnp.asarray(y), *jnp.zeros((2, 3)))))
-    joint = np.zeros(3)
-    total = 0.0
-    for subset in itertools.product([False, True], repeat=3):
-        chosen = np.array(subset)
-        prior = np.prod(np.where(chosen, predicted, 1 - predicted))
-        log_ratio = sum(
-            table[array, beam, count]
-            for array in range(2)
-            for beam, count in zip(*np.unique(beams[array, chosen], return_counts=True), strict=True)
-        )
-        weight = prior * math.exp(log_ratio)
-        total += weight
-        joint += weight * chosen
-    expected = np.log(joint / (total - joint))
+    after = still.step(held(still, places, BEFORE, 0.0), scan(7), jnp.ones(3, bool), jax.random.key(1))
+    beams = beams_of(places)
+    expected = summed(lambda chosen: sum(said(beams, chosen)))
     apart = all(len(set(row)) == 3 for row in beams)
     tolerance = rounding(np.float32, 1000) if apart else STANDARD_ERRORS / (0.2 * 2 * math.sqrt(1024))
     np.testing.assert_allclose(after.beliefs.log_odds, expected, atol=tolerance)
@@ -90,31 +104,16 @@ def test_existence_is_the_sum_over_every_subset(places: list[tuple[float, float]
 )
 def test_tentative_existence_is_the_sum_over_every_set(places: list[tuple[float, float]]) -> None:
     """Bayes' rule over eight sets of one group; what an array says is the joint energies' ratio, multiplied out."""
-    before = [0.6, 0.7, 0.8]
-    after = still.step(held(still, places, before, 0.0), scan(7), jnp.zeros(3, bool), jax.random.key(1))
-    predicted = np.array(before) * math.exp(-STAYS)
-    table = np.asarray(MODEL.table(scan(7), 3), float)
-    x, y = np.array(places).T
-    beams = np.asarray(MODEL.fans.beams(STATIONS, PlanarState(jnp.asarray(x), jnp.asarray(y), *jnp.zeros((2, 3)))))
-    joint, total = np.zeros(3), 0.0
-    for subset in itertools.product([False, True], repeat=3):
-        chosen = np.array(subset)
-        log_ratio = 0.0
-        # The third is by itself where the first two are in one place.
-        for group in [[0, 1, 2]] if places is GHOSTS else [[0, 1], [2]]:
-            mine = chosen & np.isin(np.arange(3), group)
-            said = [
-                sum(
-                    table[array, beam, n]
-                    for beam, n in zip(*np.unique(beams[array, mine], return_counts=True), strict=True)
-                )
-                for array in range(2)
-            ]
-            log_ratio += sum(min(one, 0) for one in said) + max(min(said), 0)
-        weight = np.prod(np.where(chosen, predicted, 1 - predicted)) * math.exp(log_ratio)
-        total += weight
-        joint += weight * chosen
-    np.testing.assert_allclose(after.beliefs.log_odds, np.log(joint / (total - joint)), atol=rounding(np.float32, 1000))
+    after = still.step(held(still, places, BEFORE, 0.0), scan(7), jnp.zeros(3, bool), jax.random.key(1))
+    beams = beams_of(places)
+    # The third is by itself where the first two are in one place.
+    groups = [[0, 1, 2]] if places is GHOSTS else [[0, 1], [2]]
+
+    def log_ratio(chosen: np.ndarray) -> float:
+        every = [said(beams, chosen & np.isin(np.arange(3), group)) for group in groups]
+        return sum(sum(min(one, 0) for one in each) + max(min(each), 0) for each in every)
+
+    np.testing.assert_allclose(after.beliefs.log_odds, summed(log_ratio), atol=rounding(np.float32, 1000))
 
 
 def test_a_single_target_is_a_bernoulli_filter() -> None:

@@ -20,6 +20,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.filters.resampling import systematic
@@ -41,9 +42,10 @@ class Hypotheses(eqx.Module):
     log_weights: Float[Array, " set"]
 
     @classmethod
-    def none(cls, targets: int) -> "Hypotheses":
+    def none(cls, targets: int, dtype: DTypeLike = float) -> "Hypotheses":
         """The empty set alone, with room for others."""
-        return cls(jnp.zeros((CAPACITY, targets), bool), jnp.where(jnp.arange(CAPACITY) == 0, 0.0, -jnp.inf))
+        log_weights = jnp.full(CAPACITY, -jnp.inf, dtype).at[0].set(0)
+        return cls(jnp.zeros((CAPACITY, targets), bool), log_weights)
 
     @property
     def log_odds(self) -> Float[Array, " target"]:

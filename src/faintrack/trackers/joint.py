@@ -90,7 +90,7 @@ class JointTrackers(eqx.Module):
     likelihood : of beam energies.
     limits : lowest and highest state of a target, component by component; one beyond them is gone.
     slots : targets that can be held at once.
-    particles : of each; a power of two.
+    particles : of each; a power of two, at least 8.
     proposals : places that a particle can move to in a scan.
     margin : beams between two targets up to which they are updated together, beside the spread of their particles.
     separate : never updates targets together, to see what it is good for.
@@ -117,7 +117,7 @@ class JointTrackers(eqx.Module):
             jnp.asarray(time, like.dtype),
         )
         alone = jnp.eye(self.slots, dtype=bool)
-        return Followed(beliefs, jnp.zeros(self.slots, bool), alone, Hypotheses.none(self.slots))
+        return Followed(beliefs, jnp.zeros(self.slots, bool), alone, Hypotheses.none(self.slots, like.dtype))
 
     @eqx.filter_jit
     def step(self, followed: Followed, scan: EnergyScan, declared: Bool[Array, " slot"], key: PRNGKeyArray) -> Followed:
@@ -255,8 +255,7 @@ class JointTrackers(eqx.Module):
         """Few particles of every slot, as often as they are likely; those of pairs are of the same joint states."""
         one = jnp.argmax(pairs | jnp.eye(self.slots, dtype=bool), axis=1)
         keys = jax.vmap(lambda number: jax.random.fold_in(key, number))(one)
-        few = max(self.particles // WEIGHING, 1)
-        return jax.vmap(lambda key, weights: _shuffled(key, weights, few))(keys, log_weights)
+        return jax.vmap(lambda key, weights: _shuffled(key, weights, self.particles // WEIGHING))(keys, log_weights)
 
     def _there(
         self, beliefs: Beliefs, hypotheses: Hypotheses, declared: Bool[Array, " slot"], key: PRNGKeyArray
