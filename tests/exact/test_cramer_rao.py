@@ -99,7 +99,7 @@ def test_bearings_only_bound_is_stone_soups() -> None:
 def test_information_among_false_bearings(detection: float, false: float) -> None:
     """With at most one false bearing near the target, by integration; more of them only matter to second order."""
     sensor = BearingSensor(error=1e-3, detection_probability=detection, false_per_scan=false)
-    found, error = bearing_information(jax.random.key(1), sensor, 200_000)
+    found, error = bearing_information(sensor, 200_000, seed=1)
     density = sensor.false_per_radian * sensor.error
 
     def told(z: float) -> float:
@@ -115,5 +115,5 @@ def test_information_among_false_bearings(detection: float, false: float) -> Non
 
 def test_no_false_bearing_leaves_the_probability_of_detection() -> None:
     sensor = BearingSensor(error=0.01, detection_probability=0.6, false_per_scan=1e-9)
-    found, error = bearing_information(jax.random.key(2), sensor)
+    found, error = bearing_information(sensor, seed=2)
     assert abs(found - 0.6) < STANDARD_ERRORS * error

@@ -14,7 +14,6 @@ from faintrack.axis import Axis
 from faintrack.filters.separable import separable
 from faintrack.grids import Grid
 from faintrack.likelihoods.contacts import Contact, GaussianContact
-from faintrack.metrics.cramer_rao import posterior_bound
 from faintrack.studies.kreucher2011.triangulation import filtered
 from faintrack.studies.liu2013.runs import follow
 from faintrack.targets.motion import PlanarMotion
@@ -69,11 +68,6 @@ def classics() -> Any:
     return lambda key: follow(key, 5.0, 0.9, 1.0, ("ipda", "immpda")), KEY
 
 
-def bound() -> Any:
-    one = jnp.eye(2)
-    return lambda states: posterior_bound(states, one, lambda x: x, one, lambda x, _: x, one), jnp.zeros((3, 4, 2))
-
-
 def contact() -> Any:
     likelihood = GaussianContact(("x", "y"), jnp.eye(2), (-1.0, -1.0), (1.0, 1.0))
     return likelihood.log_ratio, Contact(jnp.array(0.0), jnp.zeros(2)), PlanarState(*jnp.zeros((4, 5)))
@@ -84,7 +78,7 @@ def bearings_in_turn() -> Any:
 
 
 @pytest.mark.parametrize(
-    "program", [beam_sums, lobe_width, several_targets, kernels, classics, bound, contact, bearings_in_turn]
+    "program", [beam_sums, lobe_width, several_targets, kernels, classics, contact, bearings_in_turn]
 )
 def test_products_keep_the_precision_of_their_factors(program: Callable[[], Any]) -> None:
     found = products(*program())

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -33,7 +34,9 @@ def test_observer_has_the_papers_speed_and_turns_twice() -> None:
 
 
 def test_false_bearings_raise_the_bound() -> None:
-    alone, among = report.bound()
+    path = scene.path(jax.random.key(1))
+    runs = {name: (("run", "scan"), np.asarray(component)[None]) for name, component in (("x", path.x), ("y", path.y))}
+    alone, among = report.bound(xr.Dataset(runs))
     assert len(alone) == 25
     assert np.all(among >= alone)
     # One bearing is better than none.
@@ -66,7 +69,7 @@ def made_up(lost: int = 0) -> Callable[[str], xr.Dataset]:
 
 
 def test_rows_say_what_the_runs_have(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "bound", lambda spread=0.0: (np.full(25, 10.0), np.full(25, 16.0)))
+    monkeypatch.setattr(report, "bound", lambda data: (np.full(25, 10.0), np.full(25, 16.0)))
     rows = {row.key: row for row in study.rows(made_up())}
     assert len(rows) == len(study.rows(made_up()))
     expected = {
@@ -99,12 +102,12 @@ def test_rows_say_what_the_runs_have(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_lost_bearings_are_refused() -> None:
-    with pytest.raises(InputError, match="start_particle: 2 bearings of a run found no place"):
+    with pytest.raises(InputError, match="start_paper: 2 bearings of a run found no place"):
         study.rows(made_up(lost=2))
 
 
 def test_figures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("faintrack.studies.liu2013.pictures.bound", lambda: (np.full(25, 10.0), np.full(25, 16.0)))
+    monkeypatch.setattr("faintrack.studies.liu2013.pictures.bound", lambda data: (np.full(25, 10.0), np.full(25, 16.0)))
     drawn = study.figures(made_up(), tmp_path)
     names = ["figure_1", "figure_2", "figure_3", "figure_4", "roc", "influence", "particles"]
     assert [path.stem for path in drawn] == names

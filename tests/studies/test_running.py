@@ -73,6 +73,15 @@ def test_a_brief_study_is_compiled_in_a_hurry(client: Any, whole: dict[str, xr.D
     np.testing.assert_array_equal(repeat(WHERE, "short", 3, quick=True)["place"], quick.place[3])
 
 
+def test_a_brief_study_needs_no_workers(tmp_path: Path) -> None:
+    with opened(tmp_path / "here", quick=True) as folder:
+        assert run_all(None, folder) == sum(folder.plan.runs.values())
+        assert run_all(None, folder) == 0
+        here = folder.results("short").place
+    for run in range(here.sizes["run"]):
+        np.testing.assert_array_equal(repeat(WHERE, "short", run, quick=True)["place"], here[run])
+
+
 def test_options_that_the_compiler_does_not_know_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     assert compiled_in_a_hurry() == HURRIED
     compiled_in_a_hurry.cache_clear()

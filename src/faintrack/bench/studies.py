@@ -33,6 +33,6 @@ def study_seconds(machine: Machine, sizes: Sizes) -> Row:
         compile_seconds=None,
         note=(
             f"`faintrack study run {sizes.study} --quick` once, from the shell with nothing compiled before: "
-            "workers, compilation, runs, intervals and figures; no peer"
+            "imports, compilation, runs, intervals and figures; no peer"
         ),
     )

@@ -1,10 +1,8 @@
 """Runs with progress: simulation to a file, recording to a result."""
 
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import jax
 import xarray as xr
 
 from faintrack.bearings import Bearings
@@ -32,7 +30,7 @@ from faintrack.session_bearings import track_bearing_blocks
 from faintrack.session_frames import track_frame_blocks, with_frames
 from faintrack.session_returns import track_ping_blocks
 from faintrack.session_stations import put_together, track_record_blocks
-from faintrack.studies.running import cache_folder
+from faintrack.studies.running import keep_compilations
 from faintrack.truth_ships import beside, ships_dataset
 
 
@@ -183,12 +181,3 @@ def run_simulation(scenario: Scenario, array: SensorArray, out: Path) -> None:
     if table is not None:
         blocks = progress(blocks, "simulating", round(table.duration * table.sample_rate), len, quiet=False)
         write_recording(out, blocks, table.sample_rate, array.channel_names)
-
-
-def keep_compilations() -> None:
-    """Let JAX keep what it compiles between runs, in the user's cache folder unless the user has named another."""
-    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
-        return
-    jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)

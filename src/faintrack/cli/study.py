@@ -1,5 +1,6 @@
 """Studies on the command line."""
 
+import contextlib
 import json
 import sys
 import time
@@ -85,16 +86,19 @@ def run_study(
 ) -> dict[str, Any]:
     """Compute what a study's folder lacks, then its rows and figures; the summary is what `--json` prints."""
     from faintrack.studies.folder import open_folder
-    from faintrack.studies.running import connect, run_missing
+    from faintrack.studies.running import connect, keep_compilations, run_missing
     from faintrack.studies.study import load
 
+    keep_compilations()
     start = time.perf_counter()
     study = load(where)
     with open_folder(out, study, seed, quick, runs, resume) as folder:
         missing = {setting.name: len(folder.missing(setting)) * setting.batch for setting in study.settings}
         if any(missing.values()):
             scans = sum(missing[setting.name] * setting.scans for setting in study.settings)
-            with connect(workers, scheduler) as client:
+            # A brief one is over before workers have started.
+            here = study.brief and folder.plan.quick and workers is None and scheduler is None
+            with contextlib.nullcontext() if here else connect(workers, scheduler) as client:
                 done = run_missing(client, where, folder)
                 for _ in progress(done, study.name, scans, lambda pair: pair[1] * pair[0].scans, quiet):
                     pass

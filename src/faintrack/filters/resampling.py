@@ -11,9 +11,8 @@ def systematic(
     r"""Indices of `count` points drawn by systematic resampling, without a sort.
 
     One uniform offset u places the teeth :math:`(u + i) / n` of a comb on the cumulative weights; point j is taken as
-    often as
-    teeth fall on it, which is its share times n to within one. The index of each point is written at its first tooth,
-    and a running maximum fills the rest.
+    often as teeth fall on it, which is its share times n to within one. The index of each point is written at its first
+    tooth, and a running maximum fills the rest.
 
     Parameters
     ----------

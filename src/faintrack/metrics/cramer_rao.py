@@ -24,13 +24,13 @@ information of the set over that of the bearing alone,
 :math:`P_D` where there are no false bearings.
 """
 
+import functools
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, ArrayLike, Float
 
 from faintrack.precision import full_precision
 from faintrack.sensors.bearing_sets import BearingSensor
@@ -38,21 +38,18 @@ from faintrack.sensors.bearing_sets import BearingSensor
 NEAR = 8.0
 """Standard deviations from the true bearing within which false ones bear on it."""
 
-SMALLEST = 1e-7
-"""Of a uniform number whose logarithm is taken."""
-
 
 @full_precision
 def posterior_bound(
-    states: Float[Array, "run scan component"],
-    information: Float[Array, "component component"],
+    states: Float[ArrayLike, "run scan component"],
+    information: Float[ArrayLike, "component component"],
     move: Callable[[Array], Array],
-    noise: Float[Array, "component component"],
+    noise: Float[ArrayLike, "component component"],
     measure: Callable[[Array, Array], Array],
-    error: Float[Array, "measured measured"],
-    share: Float[Array, ""] | float = 1.0,
-) -> Float[Array, "scan component component"]:
-    """Bound on the covariance of a state after every scan (the module's recursion).
+    error: Float[ArrayLike, "measured measured"],
+    share: float = 1.0,
+) -> Float[np.ndarray, "scan component component"]:
+    """Bound on the covariance of a state after every scan (the module's recursion), in double precision.
 
     Parameters
     ----------
@@ -69,67 +66,59 @@ def posterior_bound(
     A place that walks at random, measured directly: the variance settles where prediction and measurement balance.
 
     >>> still = jnp.zeros((1, 40, 1))
-    >>> one = jnp.eye(1)
+    >>> one = np.eye(1)
     >>> bound = posterior_bound(still, one, lambda state: state, one, lambda state, scan: state, 2 * one)
     >>> round(float(bound[-1, 0, 0]), 4)
     1.0
     """
-    precision, exactness = jnp.linalg.inv(noise), jnp.linalg.inv(error)
-
-    def measured(at: Float[Array, "run component"], scan: Array) -> Float[Array, "component component"]:
-        jacobian = jax.vmap(lambda state: jax.jacfwd(measure)(state, scan))(at)
-        return share * jnp.einsum("rmi,mn,rnj->ij", jacobian, exactness, jacobian) / len(at)
-
-    def advance(before: Array, item: tuple[Array, Array, Array]) -> tuple[Array, Array]:
-        left, at, scan = item
-        jacobian = jax.vmap(jax.jacfwd(move))(left)
-        leaving = jnp.einsum("rki,kl,rlj->ij", jacobian, precision, jacobian) / len(left)
-        across = -jacobian.mean(axis=0).T @ precision
-        after = precision + measured(at, scan) - across.T @ jnp.linalg.solve(before + leaving, across)
-        return after, jnp.linalg.inv(after)
-
-    by_scan = jnp.moveaxis(states, 1, 0)
-    first = information + measured(by_scan[0], jnp.array(0))
-    _, later = jax.lax.scan(advance, first, (by_scan[:-1], by_scan[1:], jnp.arange(1, len(by_scan))))
-    return jnp.concatenate([jnp.linalg.inv(first)[None], later])
+    # The noise of a motion is small beside what is known at the start: single precision loses half of its digits.
+    precision, exactness = (np.linalg.inv(np.asarray(matrix, float)) for matrix in (noise, error))
+    moved, measured = (np.asarray(each, float) for each in _jacobians(move, measure, jnp.asarray(states)))
+    leaving = np.einsum("rski,kl,rslj->sij", moved, precision, moved) / len(moved)
+    across = -np.swapaxes(moved.mean(axis=0), 1, 2) @ precision
+    told = share * np.einsum("rsmi,mn,rsnj->sij", measured, exactness, measured) / len(measured)
+    found = [np.asarray(information, float) + told[0]]
+    for before, beside, now in zip(leaving, across, told[1:], strict=False):
+        found.append(precision + now - beside.T @ np.linalg.solve(found[-1] + before, beside))
+    return np.linalg.inv(np.stack(found))
 
 
-def bearing_information(key: PRNGKeyArray, sensor: BearingSensor, draws: int = 20_000) -> tuple[float, float]:
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _jacobians(
+    move: Callable[[Array], Array], measure: Callable[[Array, Array], Array], states: Array
+) -> tuple[Array, Array]:
+    """Of both functions, at every state: (run, scan, component of the result, component of the state)."""
+    moved = jax.vmap(jax.vmap(jax.jacfwd(move)))(states)
+    return moved, jax.vmap(jax.vmap(jax.jacfwd(measure)), in_axes=(0, None))(states, jnp.arange(states.shape[1]))
+
+
+def bearing_information(sensor: BearingSensor, draws: int = 20_000, seed: int = 0) -> tuple[float, float]:
     """Share of a bearing's information that is left among false bearings and misses, and its standard error.
 
     Parameters
     ----------
-    key : random key.
     sensor : its error is narrow beside its sector.
     draws : scans over which the module's expectation is taken.
+    seed : of the draws.
 
     Examples
     --------
     >>> alone = BearingSensor(error=0.02, detection_probability=0.7, false_per_scan=1e-9)
-    >>> share, _ = bearing_information(jax.random.key(0), alone)
+    >>> share, _ = bearing_information(alone)
     >>> abs(share - 0.7) < 0.03
     True
     """
-    expected = float(sensor.false_per_radian * 2 * NEAR * sensor.error)
-    # As many places as the number of false bearings near the target passes once in a billion.
-    most = int(np.ceil(expected + 6 * np.sqrt(expected) + 6))
-    squares = np.asarray(_squared_scores(key, sensor, draws, most), float)
+    rng, heard = np.random.default_rng(seed), float(sensor.detection_probability)
+    density = float(sensor.false_per_radian * sensor.error)
+    # Deviations of the target's bearing and of the false ones near it, in standard deviations.
+    true = rng.standard_normal(draws)[:, None]
+    detected = rng.random(draws)[:, None] < heard
+    number = rng.poisson(2 * NEAR * density, draws)[:, None]
+    false = rng.uniform(-NEAR, NEAR, (draws, int(number.max())))
+    there = np.arange(false.shape[1]) < number
+    off = np.hstack([true, false])
+    ratios = np.exp(-0.5 * off**2) / (np.sqrt(2 * np.pi) * density) * np.hstack([detected, there])
+    ratio = 1 - heard + heard * ratios.sum(axis=1)
+    slope = heard * (off * ratios).sum(axis=1)
+    squares = np.divide(slope, ratio, out=np.zeros(draws), where=ratio > 0) ** 2
     return float(squares.mean()), float(squares.std() / np.sqrt(draws))
-
-
-@eqx.filter_jit
-def _squared_scores(key: PRNGKeyArray, sensor: BearingSensor, draws: int, most: int) -> Float[Array, " draw"]:
-    """Of the bearing, in its standard deviations, in scans with room for so many false bearings near it."""
-    # All numbers at once: XLA takes a second to compile each draw.
-    drawn = jax.random.uniform(key, (draws, most + 2), minval=SMALLEST)
-    # Arrivals of a Poisson process over what is near, in standard deviations.
-    false = jnp.cumsum(-jnp.log(drawn[:, 2:]), axis=1) / (sensor.false_per_radian * sensor.error) - NEAR
-    there = false < NEAR
-    detected = drawn[:, 0] < sensor.detection_probability
-    true = jax.scipy.special.ndtri(drawn[:, 1])
-    off = jnp.concatenate([false, true[:, None]], axis=1)
-    density = jnp.exp(-0.5 * off**2) / (sensor.error * jnp.sqrt(2 * jnp.pi) * sensor.false_per_radian)
-    density = jnp.where(jnp.concatenate([there, detected[:, None]], axis=1), density, 0)
-    ratio = 1 - sensor.detection_probability + sensor.detection_probability * density.sum(axis=1)
-    slope = sensor.detection_probability * (off * density).sum(axis=1)
-    return jnp.where(ratio > 0, slope / jnp.where(ratio > 0, ratio, 1), 0) ** 2

@@ -12,7 +12,7 @@ import logging
 import os
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 WAITING = 2
 """Batches for each worker that are computed or wait for it."""
+
+Batch = tuple[Setting, int]
+"""Setting, and number of the first run."""
 
 PATIENCE = "15s"
 """How long a scheduler may take to answer."""
@@ -78,58 +81,85 @@ def connect(workers: int | None = None, scheduler: str | None = None) -> Iterato
             yield client
 
 
-def run_missing(client: "Client", where: str, folder: Folder) -> Iterator[tuple[Setting, int]]:
+def run_missing(client: "Client | None", where: str, folder: Folder) -> Iterator[tuple[Setting, int]]:
     """Compute every batch that the folder lacks; yields the setting and the number of runs that were written.
+
+    Without a client they are computed here, one after the other, which is for a study that is over before workers
+    have started.
 
     Raises
     ------
     InputError : the folder cannot be written, or a batch killed every worker it was given to.
     """
+    study, seed, quick = folder.study, folder.plan.seed, folder.plan.quick
+    # Every setting advances at the same pace, so that a study cut short is a smaller study.
+    batches = sorted(
+        ((setting, first) for setting in study.settings for first in folder.missing(setting)),
+        key=lambda batch: batch[1] / folder.plan.runs[batch[0].name],
+    )
+
+    def address(batch: Batch) -> tuple[Any, ...]:
+        return where, batch[0].name, seed, batch[1], quick
+
+    computed: Iterator[tuple[Batch, dict[str, np.ndarray]]]
+    if client is None:
+        computed = ((batch, run_batch(*address(batch))) for batch in batches)
+    else:
+        computed = _on_workers(client, study.name, iter(batches), address)
+    for (setting, first), arrays in computed:
+        folder.write(setting, first, arrays)
+        yield setting, min(setting.batch, folder.plan.runs[setting.name] - first)
+
+
+def _on_workers(
+    client: "Client", name: str, batches: Iterator[Batch], address: Callable[[Batch], tuple[Any, ...]]
+) -> Iterator[tuple[Batch, dict[str, np.ndarray]]]:
+    """What workers return of batches, in the order in which they finish."""
     from distributed import KilledWorker, as_completed
     from distributed.client import FutureCancelledError
 
-    study, seed, quick = folder.study, folder.plan.seed, folder.plan.quick
-    # Every setting advances at the same pace, so that a study cut short is a smaller study.
-    batches = iter(
-        sorted(
-            ((setting, first) for setting in study.settings for first in folder.missing(setting)),
-            key=lambda batch: batch[1] / folder.plan.runs[batch[0].name],
-        )
-    )
-    started: dict[Any, tuple[Setting, int]] = {}
+    started: dict[Any, Batch] = {}
 
     def submit(count: int) -> list[Any]:
         futures = []
-        for setting, first in itertools.islice(batches, count):
-            future = client.submit(run_batch, where, setting.name, seed, first, quick, pure=False)
-            started[future] = setting, first
+        for batch in itertools.islice(batches, count):
+            future = client.submit(run_batch, *address(batch), pure=False)
+            started[future] = batch
             futures.append(future)
         return futures
 
     workers = max(1, len(client.scheduler_info()["workers"]))
     waiting = as_completed(submit(WAITING * workers))
     for future in waiting:
-        setting, first = started.pop(future)
+        batch = started.pop(future)
         try:
             arrays: dict[str, np.ndarray] = future.result()
         except KilledWorker as error:
             raise InputError(
-                f"study {study.name}, setting {setting.name}, runs from {first}: every worker that took them died, "
+                f"study {name}, setting {batch[0].name}, runs from {batch[1]}: every worker that took them died, "
                 "most likely for want of memory. What was written is kept."
             ) from error
         except FutureCancelledError as error:
             raise InputError("the scheduler went away. What was written is kept; run again with --resume.") from error
-        folder.write(setting, first, arrays)
+        yield batch, arrays
         # The arrays on the worker go with the future.
         future.release()
         for more in submit(1):
             waiting.add(more)
-        yield setting, min(setting.batch, folder.plan.runs[setting.name] - first)
 
 
 def cache_folder() -> Path:
     """Where compilations are kept between runs: the user's cache folder."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "faintrack"
+
+
+def keep_compilations() -> None:
+    """Let JAX keep what it compiles between runs, in the user's cache folder unless the user has named another."""
+    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return
+    jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
 
 
 def _worker_environment() -> dict[str, str]:

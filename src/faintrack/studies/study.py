@@ -17,9 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Int, Key, PRNGKeyArray
+from jaxtyping import Array, Integer, PRNGKeyArray
 
 from faintrack.errors import InputError
 
@@ -169,7 +170,7 @@ def load(where: str) -> Study:
     return study
 
 
-def address(seed: int, setting: str, run: int | Int[Array, ""]) -> PRNGKeyArray:
+def address(seed: int, setting: str, run: int | Integer[Array, ""]) -> PRNGKeyArray:
     """Key of one run.
 
     Examples
@@ -177,17 +178,22 @@ def address(seed: int, setting: str, run: int | Int[Array, ""]) -> PRNGKeyArray:
     >>> bool((address(0, "noise", 7) == address(0, "noise", 7)) & (address(0, "noise", 7) != address(0, "noise", 8)))
     True
     """
-    return jax.random.fold_in(jax.random.fold_in(jax.random.key(seed), zlib.crc32(setting.encode())), run)
+    return _address(jax.random.key(seed), zlib.crc32(setting.encode()), run)
+
+
+def _address(key: PRNGKeyArray, setting: int | Integer[Array, ""], run: int | Integer[Array, ""]) -> PRNGKeyArray:
+    return jax.random.fold_in(jax.random.fold_in(key, setting), run)
 
 
 def run_batch(where: str, setting_name: str, seed: int, first: int, quick: bool = False) -> dict[str, np.ndarray]:
     """One batch of runs, from the run `first` on; first axis of every array: runs."""
     study = load(where)
     setting = study.setting(setting_name)
-    keys = jax.vmap(lambda run: address(seed, setting.address or setting.name, run))(first + np.arange(setting.batch))
     parameters = {name: np.float32(value) for name, value in setting.parameters.items()}
     batched = _batched(setting.run, setting.batch, quick and study.brief)
-    return {name: np.asarray(values) for name, values in batched(keys, parameters).items()}
+    number = np.uint32(zlib.crc32((setting.address or setting.name).encode()))
+    arrays = batched(jax.random.key(seed), number, np.uint32(first), parameters)
+    return {name: np.asarray(values) for name, values in arrays.items()}
 
 
 def repeat(where: str, setting_name: str, run: int, seed: int = 0, quick: bool = False) -> dict[str, np.ndarray]:
@@ -212,7 +218,8 @@ def compiled_in_a_hurry() -> dict[str, Any] | None:
 
 @functools.cache
 def _batched(run: Callable[..., dict[str, Array]], batch: int, hurried: bool) -> Callable[..., dict[str, Array]]:
-    def batched(keys: Key[Array, " run"], parameters: Mapping[str, Array]) -> dict[str, Array]:
+    def batched(key: PRNGKeyArray, setting: Array, first: Array, parameters: Mapping[str, Array]) -> dict[str, Array]:
+        keys = jax.vmap(lambda run: _address(key, setting, run))(first + jnp.arange(batch, dtype=jnp.uint32))
         # Mapped over an axis, `jax.lax.cond` takes both branches; a run alone need not.
         over = jax.lax.map if batch == 1 else lambda one, keys: jax.vmap(one)(keys)
         return over(lambda key: run(key, **parameters), keys)

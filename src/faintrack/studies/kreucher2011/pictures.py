@@ -81,6 +81,8 @@ def _belief(axis: Axes, data: xr.Dataset, scan: int) -> None:
         vmin=-6,
         vmax=0,
     )
+    # Cells without any probability, as after a hand-over, have no logarithm.
+    axis.set_facecolor(picture.cmap(0))
     axis.figure.colorbar(picture, ax=axis, shrink=0.8).set_label("log10 probability in a cell", fontsize=7)
     axis.plot(data.true_x[scan], data.true_y[scan], "+", color="white", markersize=8, label="target")
     held = data.existence.values[scan] > 0

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from faintrack.studies.liu2013 import scene
 from faintrack.studies.liu2013.report import LABELS, bound, declared, methods, probabilities, squares
@@ -48,14 +49,9 @@ def figures(results: Results, folder: Path) -> list[Path]:
 
 
 def _save(path: Path, columns: int, draw: Callable[[list[Axes]], None], share: bool = False) -> Path:
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(
-        1, columns, figsize=(5 * columns + 1, 4.2), layout="constrained", squeeze=False, sharey=share
-    )
-    draw(list(axes[0]))
+    figure = Figure(figsize=(5 * columns + 1, 4.2), layout="constrained")
+    draw(list(figure.subplots(1, columns, squeeze=False, sharey=share)[0]))
     figure.savefig(path, dpi=80)
-    plt.close(figure)
     return path
 
 
@@ -113,7 +109,7 @@ def _errors(axis: Axes, start: list[tuple[str, str, xr.Dataset]]) -> None:
         rms = np.full(len(time), np.nan)
         rms[heard] = np.sqrt(np.nanmean(found[:, heard], axis=0))
         axis.plot(time, rms, "-o", color=COLOURS[kind], ms=3, lw=1.3, label=LABELS[kind])
-    alone, among = bound()
+    alone, among = bound(start[0][2])
     axis.plot(time, alone, color=TRUTH, lw=1.3, label="bound, bearing known")
     axis.plot(time, among, "--", color=TRUTH, lw=1.3, label="bound, among false bearings")
     axis.set(xlabel="time (s)", ylabel="RMS error of the position (m)", ylim=(0, None), title="published likelihood")

@@ -21,7 +21,6 @@ follow false bearings are part of the root mean square; `median_error_m` hardly 
 Intervals are by bootstrap over runs.
 """
 
-import functools
 from collections.abc import Callable, Iterator
 
 import jax
@@ -34,7 +33,7 @@ from faintrack.metrics.cramer_rao import bearing_information, posterior_bound
 from faintrack.metrics.intervals import bootstrap_interval
 from faintrack.studies.liu2013 import runs, scene
 from faintrack.studies.liu2013.settings import BIRTHS, DETECTION, FALSE, GROUPS, PARTICLES
-from faintrack.studies.study import Results, Row, compiled_in_a_hurry, finished
+from faintrack.studies.study import Results, Row, finished
 
 PAPER = {"particle": (0.0067, 0.96), "ipda": (0.04, 0.812), "immpda": (0.5333, 0.86)}
 """Table 2: probabilities of a false alarm and of detection."""
@@ -82,8 +81,8 @@ def methods(results: Results, name: str) -> Iterator[tuple[str, str, xr.Dataset]
         data = finished(results, f"{name}_{group}")
         if data is None:
             continue
-        if int(data.lost.max()):
-            raise InputError(f"{name}_{group}: {int(data.lost.max())} bearings of a run found no place; expected none.")
+        if lost := int(data.lost.values.max()):
+            raise InputError(f"{name}_{group}: {lost} bearings of a run found no place; expected none.")
         for number, kind in enumerate(kinds):
             for place, form in enumerate(runs.FORMS):
                 yield kind, form, data.isel(kind=number, form=place)
@@ -106,44 +105,35 @@ def probabilities(told: np.ndarray) -> np.ndarray:
     return np.array([told[:, ~there].mean(), told[:, there].mean()])
 
 
-@functools.cache
-def bound(spread: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Bound of the position in scans 8 to 32: with the bearing known, and among false ones; m.
+def bound(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Bound of the position over the runs in scans 8 to 32: with the bearing known, and among false ones; m."""
+    states = np.zeros((data.sizes["run"], scene.LAST - scene.FIRST + 1, 4), np.float32)
+    # The Jacobians depend on the place alone.
+    states[..., :2] = np.stack([data.x.values, data.y.values], axis=-1)[:, scene.present()]
+    sensor = scene.sensor()
+    covariance, noise, error = _gaussians()
 
-    In double precision: how small the noise of the motion is beside the birth density takes half of the digits.
-    """
-    with jax.enable_x64(True):
-        return _bound(spread)
+    def position(share: float) -> np.ndarray:
+        found = posterior_bound(states, np.linalg.inv(covariance), _move, noise, _measure, error, share)
+        return np.sqrt(found[:, 0, 0] + found[:, 1, 1])
 
-
-def _bound(spread: float) -> tuple[np.ndarray, np.ndarray]:
-    share, _ = bearing_information(jax.random.key(0), scene.sensor())
-    of_share = jax.jit(_position_bound, compiler_options=compiled_in_a_hurry())
-    alone, among = (np.asarray(of_share(jnp.asarray(spread), jnp.asarray(each)), float) for each in (1.0, share))
-    return alone, among
+    return position(1.0), position(bearing_information(sensor)[0])
 
 
-def _position_bound(spread: jax.Array, share: jax.Array) -> jax.Array:
-    """Bound of the position with a share of the bearing's information."""
-    paths = jax.vmap(lambda key: scene.path(key, spread))(jax.random.split(jax.random.key(1), 200))
-    states = jnp.stack([paths.x, paths.y, paths.vx, paths.vy], axis=-1)[:, scene.present()]
-    observer = scene.observer()
+@jax.jit
+def _gaussians() -> tuple[jax.Array, ...]:
+    """Covariances at birth, of the motion's noise and of a bearing, as the classics have them."""
     single = runs.classic(scene.sensor(), jnp.array(False), scene.around_start())
+    return single.birth.covariance, single.noise, single.association.error
 
-    def measure(state: jax.Array, scan: jax.Array) -> jax.Array:
-        at = scene.FIRST - 1 + scan
-        return jnp.arctan2(state[1] - observer.y[at], state[0] - observer.x[at])[None]
 
-    covariance = posterior_bound(
-        states,
-        jnp.linalg.inv(single.birth.covariance),
-        lambda state: single.transition @ state,
-        single.noise,
-        measure,
-        single.association.error,
-        share,
-    )
-    return jnp.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1])
+def _move(state: jax.Array) -> jax.Array:
+    return state.at[:2].add(scene.INTERVAL * state[2:])
+
+
+def _measure(state: jax.Array, scan: jax.Array) -> jax.Array:
+    observer, at = scene.observer(), scene.FIRST - 1 + scan
+    return jnp.arctan2(state[1] - observer.y[at], state[0] - observer.x[at])[None]
 
 
 def _detection(kind: str, form: str, data: xr.Dataset, suffix: str, title: str, paper: bool = False) -> list[Row]:
@@ -175,7 +165,7 @@ def _accuracy(kind: str, form: str, data: xr.Dataset, suffix: str, title: str) -
     found, name = squares(data)[:, WINDOW], f"{LABELS[kind]}, {_form(form)}{title}"
     if np.isnan(found).all(axis=0).any():
         return []
-    least = bound(float(suffix == "_drawn"))[0][-found.shape[1] :]
+    least = bound(data)[0][-found.shape[1] :]
 
     def ratio(found: np.ndarray) -> float:
         return float(np.mean(np.sqrt(np.nanmean(found, axis=0)) / least))
@@ -197,9 +187,10 @@ def _accuracy(kind: str, form: str, data: xr.Dataset, suffix: str, title: str) -
 
 
 def _bounds(results: Results) -> list[Row]:
-    if not any(True for _ in methods(results, "start")):
+    start = next(methods(results, "start"), None)
+    if start is None:
         return []
-    alone, among = (float(each[WINDOW.start - scene.LAST - 1 :].mean()) for each in bound())
+    alone, among = (float(each[WINDOW.start - scene.LAST - 1 :].mean()) for each in bound(start[2]))
     title = "posterior Cramer-Rao bound of the position, scans 20 to 32"
     return [
         Row("crlb_m", title, "m", None, alone),

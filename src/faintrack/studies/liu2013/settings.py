@@ -7,12 +7,14 @@ from typing import Any
 from faintrack.studies.liu2013 import runs, scene
 from faintrack.studies.study import Setting
 
-GROUPS = {"particle": ("particle",), "bernoulli": ("bernoulli",), "classic": ("ipda", "immpda")}
+GROUPS = {"paper": ("particle", "ipda", "immpda"), "bernoulli": ("bernoulli",), "particle": ("particle",)}
 """Methods that run together: a program is compiled for each, and workers share them."""
+ALL = ("paper", "bernoulli")
+"""Every method once."""
 
 BIRTHS: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
-    "start": (scene.around_start, ("particle", "bernoulli", "classic")),
-    "region": (scene.over_region, ("particle", "bernoulli", "classic")),
+    "start": (scene.around_start, ALL),
+    "region": (scene.over_region, ALL),
     "along": (scene.along_bearings, ("bernoulli",)),
 }
 """Where new targets are looked for, and which methods can."""
@@ -54,19 +56,18 @@ def _setting(
     detection: float = scene.DETECTION_PROBABILITY,
     spread: float = 0.0,
     cost: int = 1,
-    batch: int = 50,
+    batch: int = 100,
     **program: Any,
 ) -> Setting:
     parameters = {"false_per_scan": false, "detection_probability": detection, "spread": spread}
     # All methods see the same data.
     address = f"false_{false:g}_detection_{detection:g}"
-    cost *= 1 if group == "classic" else 10
     return Setting(f"{name}_{group}", _program(group, **program), full, quick, AXES, parameters, cost, batch, address)
 
 
 def _quick(births: str, group: str) -> int:
     """The quick study is the paper's own: its three methods, births about the start."""
-    return 100 if births == "start" and group != "bernoulli" else 0
+    return 100 if births == "start" and group == "paper" else 0
 
 
 SETTINGS = (
@@ -75,16 +76,16 @@ SETTINGS = (
         for births, (_, groups) in BIRTHS.items()
         for group in groups
     ),
-    *(_setting("drawn", group, 300, spread=1.0) for group in GROUPS),
+    *(_setting("drawn", group, 300, spread=1.0) for group in ALL),
     *(
         _setting(f"false_{false}", group, 300, false=false, **({"capacity": CROWDED} if false > 5 else {}))
         for false in FALSE
-        for group in GROUPS
+        for group in ALL
     ),
     *(
         _setting(f"detection_{detection}", group, 300, detection=detection / 100)
         for detection in DETECTION
-        for group in GROUPS
+        for group in ALL
     ),
     *(
         _setting(f"particles_{count}", group, 100, cost=max(1, count // 3000), batch=10, particles=count)
