@@ -70,8 +70,9 @@ def made_up(lost: int = 0) -> Callable[[str], xr.Dataset]:
 
 def test_rows_say_what_the_runs_have(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "bound", lambda data: (np.full(25, 10.0), np.full(25, 16.0)))
-    rows = {row.key: row for row in study.rows(made_up())}
-    assert len(rows) == len(study.rows(made_up()))
+    told = study.rows(made_up())
+    rows = {row.key: row for row in told}
+    assert len(rows) == len(told)
     expected = {
         "pfa_particle": 1 / 15,
         "pd_particle_full": 23 / 25,

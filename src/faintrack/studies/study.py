@@ -113,7 +113,8 @@ class Study:
     settings : the table.
     rows : function of the results to the study's numbers.
     figures : function of the results and a folder; draws pictures there and returns their paths.
-    brief : a quick study of it takes longer to compile than to run, so that XLA is told to hurry.
+    brief : a quick study of it takes longer to compile than to run, so that XLA is told to hurry, and the command line
+        computes it without workers.
     """
 
     name: str
