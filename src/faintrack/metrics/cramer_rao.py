@@ -78,7 +78,7 @@ def posterior_bound(
     across = -np.swapaxes(moved.mean(axis=0), 1, 2) @ precision
     told = share * np.einsum("rsmi,mn,rsnj->sij", measured, exactness, measured) / len(measured)
     found = [np.asarray(information, float) + told[0]]
-    for before, beside, now in zip(leaving, across, told[1:], strict=False):
+    for before, beside, now in zip(leaving[:-1], across[:-1], told[1:], strict=True):
         found.append(precision + now - beside.T @ np.linalg.solve(found[-1] + before, beside))
     return np.linalg.inv(np.stack(found))
 

@@ -98,21 +98,21 @@ def run_missing(client: "Client | None", where: str, folder: Folder) -> Iterator
         key=lambda batch: batch[1] / folder.plan.runs[batch[0].name],
     )
 
-    def address(batch: Batch) -> tuple[Any, ...]:
+    def arguments(batch: Batch) -> tuple[Any, ...]:
         return where, batch[0].name, seed, batch[1], quick
 
     computed: Iterator[tuple[Batch, dict[str, np.ndarray]]]
     if client is None:
-        computed = ((batch, run_batch(*address(batch))) for batch in batches)
+        computed = ((batch, run_batch(*arguments(batch))) for batch in batches)
     else:
-        computed = _on_workers(client, study.name, iter(batches), address)
+        computed = _on_workers(client, study.name, iter(batches), arguments)
     for (setting, first), arrays in computed:
         folder.write(setting, first, arrays)
         yield setting, min(setting.batch, folder.plan.runs[setting.name] - first)
 
 
 def _on_workers(
-    client: "Client", name: str, batches: Iterator[Batch], address: Callable[[Batch], tuple[Any, ...]]
+    client: "Client", name: str, batches: Iterator[Batch], arguments: Callable[[Batch], tuple[Any, ...]]
 ) -> Iterator[tuple[Batch, dict[str, np.ndarray]]]:
     """What workers return of batches, in the order in which they finish."""
     from distributed import KilledWorker, as_completed
@@ -123,7 +123,7 @@ def _on_workers(
     def submit(count: int) -> list[Any]:
         futures = []
         for batch in itertools.islice(batches, count):
-            future = client.submit(run_batch, *address(batch), pure=False)
+            future = client.submit(run_batch, *arguments(batch), pure=False)
             started[future] = batch
             futures.append(future)
         return futures
