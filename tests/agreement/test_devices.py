@@ -16,10 +16,10 @@ from tests.region import paths, scans, tracker
 assert len(jax.devices()) == 2
 data = jax.tree.map(lambda values: values[:12], scans(0, paths((-200.0, -150.0, 3.0, 2.0))))
 start = tracker().init(jax.random.key(0))
-spread = dataclasses.replace(start, beliefs=shared_among(start.beliefs, jax.devices()))
+spread = dataclasses.replace(start, beliefs=(shared_among(start.beliefs[0], jax.devices()),))
 key = jax.random.key(1)
 one, (many, said) = tracker().steps(start, data, key)[1], tracker().steps(spread, data, key)
-assert len(many.beliefs.log_weights.sharding.device_set) == 2, many.beliefs.log_weights.sharding
+assert len(many.beliefs[0].log_weights.sharding.device_set) == 2, many.beliefs[0].log_weights.sharding
 np.testing.assert_allclose(one.detection, said.detection, rtol=1e-4, atol=1e-6)
 print("same")
 """

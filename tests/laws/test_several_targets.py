@@ -12,9 +12,13 @@ from tests.region import SCANS, paths, scans, tracker
 TWO = paths((-200.0, -150.0, 3.0, 2.0), (250.0, 200.0, -3.0, -1.0))
 
 
-def follow(data: EnergyScan, slots: int = 4, seed: int = 0) -> SeveralEstimate:
-    watching = tracker(slots).init(jax.random.key(0))
-    return tracker(slots).steps(watching, data, jax.random.key(seed))[1]
+OUTSIDE = (2000.0, 0.0, -2.0, 1.0)
+"""Heard by both arrays, and where the surroundings are watched within these."""
+
+
+def follow(data: EnergyScan, slots: int = 4, seed: int = 0, surroundings: float = 0.0) -> SeveralEstimate:
+    what = tracker(slots, surroundings)
+    return what.steps(what.init(jax.random.key(0)), data, jax.random.key(seed))[1]
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +76,30 @@ def test_a_full_tracker_says_so() -> None:
     after = follow(scans(0, TWO), slots=1)
     assert np.asarray(after.label).max() == 1
     assert np.asarray(after.full).any()
+
+
+def test_a_target_outside_is_in_hand_and_no_track() -> None:
+    after = follow(scans(3, paths(OUTSIDE)), surroundings=1800.0)
+    assert np.all(np.asarray(after.label) == 0)
+    held = np.asarray(after.existence[-1]) > 0.99
+    assert held.sum() == 1
+    assert abs(float(after.mean.x[-1][held][0]) - 1920) < 250
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_with_the_target_outside_in_hand_no_crossing_of_its_beam_is_taken_for_one_inside(seed: int) -> None:
+    """Two sources explain all beams; a crossing with the target's beam would take a third, and lie 130 m away."""
+    truth = paths((-200.0, 100.0, 1.0, 1.0), OUTSIDE)
+    after = follow(scans(seed, truth), seed=seed, surroundings=1800.0)
+    scan, slot = np.nonzero(after.label)
+    assert set(np.asarray(after.label)[scan, slot]) == {1}
+    assert scan[-1] == SCANS - 1
+    apart = np.hypot(after.mean.x[scan, slot] - truth.x[scan, 0], after.mean.y[scan, slot] - truth.y[scan, 0])
+    assert apart.mean() < 40
+
+
+def test_a_target_that_comes_into_the_region_is_a_track_from_then_on() -> None:
+    after = follow(scans(3, paths((560.0, 100.0, -5.0, 0.0))), surroundings=1800.0)
+    assert set(np.unique(after.label)) == {0, 1}
+    assert np.asarray(after.mean.x)[np.asarray(after.label) == 1].max() <= 400
+    assert np.asarray(after.label)[-1].max() == 1

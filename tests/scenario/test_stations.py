@@ -43,7 +43,8 @@ def test_a_scenario_is_written_and_read_back(tmp_path) -> None:
 def test_detectors_cover_the_region_and_overlap() -> None:
     what = scenario(region={"detectors": [3, 2], "overlap": 0.2})
     region = build_region(what, None)
-    detectors = build_detectors(what, region, 1.0)
+    detectors, outside = build_detectors(what, region, 1.0)
+    assert outside is None
     axes = dict(detectors.filter.grid.axes)
     # 1200 m in three parts that share a fifth: 1200 / 2.6 = 461.5 m, 10 cells; 800 / 1.8 = 444.4 m, 9 cells.
     assert (axes["x"].count, axes["y"].count) == (10, 9)
@@ -202,6 +203,10 @@ def test_scenarios_that_are_wrong(changes: dict[str, Any], expected: str) -> Non
     ("changes", "expected"),
     [
         ({"speeds": 99, "cell": 2.0}, "region: 2 detectors of 343 x 400 cells with 99 x 99 speeds are"),
+        (
+            {"speeds": 7, "surroundings": 1_000_000.0},
+            "region.surroundings: 1e+06 m around the region are",
+        ),
         ({"speed": 500.0}, "region: targets move up to 500 m between two scans, more than half a detector"),
     ],
 )

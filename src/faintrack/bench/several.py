@@ -69,7 +69,7 @@ def _update(
         followed = tracker.trackers.take(followed, states, jnp.array(6.0))
     watching = dataclasses.replace(watching, followed=followed)
     timing = timed(lambda: tracker.steps(watching, scans, key), sizes.repeat_seconds).per(len(scans.time))
-    weights = watching.beliefs.log_weights
+    weights = watching.beliefs[0].log_weights
     doubled = jax.jit(lambda values: 2 * values)
     limit = timed(lambda: doubled(weights), sizes.repeat_seconds).least
     shape = " x ".join(map(str, weights.shape))

@@ -11,9 +11,6 @@ from jaxtyping import Float
 
 from faintrack.axis import Axis, between
 from faintrack.errors import InputError
-from faintrack.filters.adi import alternating_directions, steps_within
-from faintrack.filters.grid import GridFilter
-from faintrack.grids import Grid
 from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.records import InStep
 from faintrack.scenario.array import Pair
@@ -25,7 +22,7 @@ from faintrack.sensors.stations import Fans, Stations
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target
-from faintrack.trackers.detectors import Detectors, tiles
+from faintrack.trackers.detectors import Detectors, planar_detectors, surrounding_cells, surrounding_detector
 from faintrack.trackers.joint import JointTrackers
 from faintrack.trackers.several import SeveralTargetsTracker, bearing_tracker
 
@@ -189,8 +186,10 @@ def require_heard(scenario: Scenario, fans: Fans, placed: Placed, region: tuple[
         )
 
 
-def build_detectors(scenario: Scenario, region: tuple[Pair, Pair], interval: float) -> Detectors:
-    """Detectors of a scenario.
+def build_detectors(
+    scenario: Scenario, region: tuple[Pair, Pair], interval: float
+) -> tuple[Detectors, Detectors | None]:
+    """Detectors of a scenario's region, and of its surroundings if there are any.
 
     Raises
     ------
@@ -213,13 +212,18 @@ def build_detectors(scenario: Scenario, region: tuple[Pair, Pair], interval: flo
             f"region: targets move up to {table.speed * interval:.3g} m between two scans, more than half a detector, "
             f"{min(cells) * table.cell / 2:.3g} m; expected fewer detectors, or a lower speed."
         )
-    (x, y), place = tiles(*region, table.detectors, (cells[0], cells[1]), table.cell)
     speed = between(-table.speed, table.speed, table.speeds)
-    # Stepped fastest in this order of the axes.
-    grid = Grid(PlanarState, (("vx", speed), ("vy", speed), ("x", x), ("y", y)))
-    substeps = steps_within(table.speed * interval, table.cell)
-    transport = alternating_directions(grid, target.motion.velocity_noise, interval, substeps)
-    return Detectors(GridFilter(grid, target, transport), place)
+    watch = planar_detectors(*region, table.detectors, (cells[0], cells[1]), table.cell, speed, target, interval)
+    if not table.surroundings:
+        return watch, None
+    (across, along), slow = surrounding_cells(*region, table.surroundings, table.cell, table.speeds)
+    total = across * along * slow**2
+    if total > LARGEST_CELLS:
+        raise InputError(
+            f"region.surroundings: {table.surroundings:g} m around the region are {total:,} cells, more than "
+            f"{LARGEST_CELLS:,}; expected less, a larger cell, or fewer speeds."
+        )
+    return watch, surrounding_detector(*region, table.surroundings, table.cell, speed, target, interval)
 
 
 def build_target(scenario: Scenario) -> Target:
@@ -249,10 +253,11 @@ def build_several(
         return _alone(scenario, fans, interval)
     table, region = scenario.several, build_region(scenario, plane)
     require_heard(scenario, fans, placed, region)
-    detectors = build_detectors(scenario, region, interval)
+    watch, outside = build_detectors(scenario, region, interval)
     target, likelihood = build_target(scenario), build_likelihood(scenario, fans)
-    trackers = JointTrackers(target, likelihood, detectors.limits, table.slots, _particles(table))
-    return SeveralTargetsTracker(detectors, trackers, **_decisions(table))
+    limits = (watch if outside is None else outside).limits
+    trackers = JointTrackers(target, likelihood, limits, table.slots, _particles(table))
+    return SeveralTargetsTracker(watch, trackers, outside=outside, **_decisions(table))
 
 
 def _alone(scenario: Scenario, fans: Fans, interval: float) -> SeveralTargetsTracker:

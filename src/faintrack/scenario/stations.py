@@ -102,6 +102,8 @@ class RegionTable(Table):
     overlap : share of a detector that it has in common with the next.
     speed : targets move at most this fast along each axis, either way; m/s.
     speeds : number of cells along each axis of the velocity, from -`speed` to `speed`.
+    surroundings : how far outside the region targets are followed too, but are no tracks; metres. They explain energy
+        that targets of the region would be made of.
     """
 
     x: Pair | None = None
@@ -115,6 +117,7 @@ class RegionTable(Table):
     overlap: float = Field(default=0.25, ge=0, le=0.9)
     speed: float = Field(gt=0)
     speeds: int = Field(default=7, ge=2, le=99)
+    surroundings: float = Field(default=0, ge=0, le=1e6)
 
     @model_validator(mode="after")
     def _has_ends(self) -> "RegionTable":

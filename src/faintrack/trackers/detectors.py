@@ -14,9 +14,14 @@ Stone's terms the surface :math:`\Lambda(s)` of the detector (`faintrack.grids`)
 the odds that there is a target in the cells R that are handed over, and the odds that are left. A second target in the
 same detector is what is left, and follows in a later scan (its figures 1-2). Detectors that overlap hold the same
 target, so the cells of all of them are emptied.
+
+A region has **surroundings**, from which energy reaches the arrays as well. They are watched by one detector more, with
+cells four times as wide: what is found there is no target of the region, but explains what would be taken for one.
 """
 
 import dataclasses
+import functools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -26,13 +31,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.axis import Axis
+from faintrack.axis import Axis, between
 from faintrack.belief import update
 from faintrack.errors import InputError
+from faintrack.filters.adi import alternating_directions, steps_within
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.resampling import systematic
+from faintrack.grids import Grid
 from faintrack.targets.states import PlanarState
+from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs
+
+WIDER = 4
+"""Cells of the surroundings over those of the region; looked at in as many points along x and y."""
 
 
 class Detectors(eqx.Module):
@@ -66,6 +77,16 @@ class Detectors(eqx.Module):
             return grid.kind(**reach)
 
         return corner(0, jnp.min), corner(-1, jnp.max)
+
+    def covers(self, states: Any) -> Bool[Array, "*points"]:
+        """Whether states have a position within the grids."""
+        low, high = self.limits
+        moving = [name for name in self.filter.grid.kind.rates if hasattr(states, name)]
+        inside = [
+            (getattr(states, name) >= getattr(low, name)) & (getattr(states, name) <= getattr(high, name))
+            for name in moving
+        ]
+        return functools.reduce(jnp.logical_and, inside)
 
     @property
     def points(self) -> Any:
@@ -112,22 +133,22 @@ class Detectors(eqx.Module):
         log_ratio = jax.nn.logsumexp(log_ratio, axis=over) - np.log(count)
         return beliefs.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
 
-    def hand_over(
+    def peak(
         self, beliefs: Beliefs, beams: Int[Array, "array *points"], margin: int, count: int, key: PRNGKeyArray
-    ) -> tuple[Beliefs, Any, Float[Array, ""]]:
-        """Cut the highest peak out of the detector that is surest of a target.
+    ) -> tuple[Int[Array, " array"], Any, Float[Array, ""]]:
+        """Highest peak of the detector that is surest of a target.
 
         Parameters
         ----------
         beliefs : of all detectors.
         beams : that all `points` fall in, see `faintrack.sensors.stations.Fans.beams`.
-        margin : beams on either side of the peak's that are handed over with it.
+        margin : beams on either side of the peak's that belong to it.
         count : states to draw.
         key : random key.
 
         Returns
         -------
-        What is left, `count` states with equal weights, and the log odds that the target exists.
+        The beams of the peak, `count` states with equal weights, and the log odds that its target exists.
         """
         for_cell, for_place = jax.random.split(key)
         surest = jnp.argmax(beliefs.log_odds)
@@ -137,26 +158,38 @@ class Detectors(eqx.Module):
         top = jnp.argmax(jax.nn.logsumexp(weights, axis=still))
         middle = (slice(None), *(self.fineness // 2,) * within, surest)
         at_top = beams[middle].reshape(len(beams), -1)[:, top]
-        chosen = jnp.any(around(beams, at_top, margin), axis=tuple(range(within)))
-
-        mine = jnp.where(chosen[surest], weights, -jnp.inf)
+        mine = jnp.where(self._cells_around(beams, at_top, margin)[surest], weights, -jnp.inf)
         log_odds = beliefs.log_odds[surest] + jax.nn.logsumexp(mine)
         cells = systematic(for_cell, mine.ravel() - jax.nn.logsumexp(mine), count, count)
-        states = self._within(surest, cells, for_place)
+        return at_top, self._within(surest, cells, for_place), log_odds
 
-        log_weights = jnp.where(chosen, -jnp.inf, beliefs.log_weights)
+    def emptied(
+        self,
+        beliefs: Beliefs,
+        beams: Int[Array, "array *points"],
+        middle: Int[Array, " array"],
+        margin: int,
+        key: PRNGKeyArray,
+    ) -> Beliefs:
+        """What is left without the cells around some beams; a detector all of whose cells are taken begins anew."""
+        log_weights = jnp.where(self._cells_around(beams, middle, margin), -jnp.inf, beliefs.log_weights)
         axes = tuple(range(1, log_weights.ndim))
         kept = jax.nn.logsumexp(log_weights, axis=axes, keepdims=True)
-        # A detector all of whose cells are taken begins anew.
         some = kept > -jnp.inf
         start = self.filter.init(key).log_weights
-        left = Beliefs(
+        return Beliefs(
             None,
             jnp.where(some, log_weights - jnp.where(some, kept, 0), start),
             beliefs.log_odds + kept.reshape(-1),
             beliefs.time,
         )
-        return left, states, log_odds
+
+    def _cells_around(
+        self, beams: Int[Array, "array *points"], middle: Int[Array, " array"], margin: int
+    ) -> Bool[Array, "detector *cells"]:
+        """Cells with a point in the same beams as a peak or their neighbours."""
+        near = around(beams, middle, margin)
+        return jnp.any(near, axis=tuple(range(near.ndim - 1 - len(self.filter.grid.axes))))
 
     def _within(self, detector: Int[Array, ""], cells: Int[Array, " count"], key: PRNGKeyArray) -> Any:
         """States drawn evenly within cells of a detector."""
@@ -176,6 +209,112 @@ def around(beams: Int[Array, "array *points"], middle: Int[Array, " array"], mar
     """Points that fall within `margin` of the same beam in every array that hears the middle."""
     middle = middle.reshape(-1, *(1,) * (beams.ndim - 1))
     return jnp.all(((jnp.abs(beams - middle) <= margin) & (beams >= 0)) | (middle < 0), axis=0)
+
+
+def hand_over(
+    watches: Sequence[Detectors],
+    beliefs: Sequence[Beliefs],
+    beams: Sequence[Array],
+    margin: int,
+    count: int,
+    key: PRNGKeyArray,
+) -> tuple[tuple[Beliefs, ...], Any, Float[Array, ""]]:
+    """Cut the peak of the detector that is surest of a target out of all of them.
+
+    Parameters
+    ----------
+    watches, beliefs, beams : detectors of every kind, what they believe, and the beams that their `points` fall in.
+    margin, count, key : see `Detectors.peak`.
+
+    Returns
+    -------
+    What is left, `count` states with equal weights, and the log odds that the target exists.
+    """
+    surest = jnp.argmax(jnp.stack([jnp.max(each.log_odds) for each in beliefs]))
+    peaks = [
+        functools.partial(watch.peak, of, at, margin, count, key)
+        for watch, of, at in zip(watches, beliefs, beams, strict=True)
+    ]
+    middle, states, log_odds = jax.lax.switch(surest, peaks)
+    left = tuple(
+        watch.emptied(of, at, middle, margin, key) for watch, of, at in zip(watches, beliefs, beams, strict=True)
+    )
+    return left, states, log_odds
+
+
+def planar_detectors(
+    x: tuple[float, float],
+    y: tuple[float, float],
+    detectors: tuple[int, int],
+    cells: tuple[int, int],
+    cell: float,
+    speed: Axis,
+    target: Target,
+    interval: float,
+    fineness: int = 2,
+) -> Detectors:
+    """Detectors of targets that move at a nearly constant velocity within a region.
+
+    Parameters
+    ----------
+    x, y, detectors, cells, cell : see `tiles`.
+    speed : cells of either component of the velocity; m/s.
+    target : that is watched for; where it appears is not read.
+    interval : between scans; seconds. Scans come at whole multiples of it.
+    fineness : see `Detectors`.
+
+    Raises
+    ------
+    InputError : detectors that do not cover the region.
+    """
+    (along_x, along_y), place = tiles(x, y, detectors, cells, cell)
+    # Stepped fastest in this order of the axes.
+    grid = Grid(PlanarState, (("vx", speed), ("vy", speed), ("x", along_x), ("y", along_y)))
+    substeps = steps_within(float(speed.edges[-1]) * interval, cell)
+    transport = alternating_directions(grid, target.motion.velocity_noise, interval, substeps)
+    return Detectors(GridFilter(grid, target, transport), place, fineness)
+
+
+def surrounding_detector(
+    x: tuple[float, float],
+    y: tuple[float, float],
+    width: float,
+    cell: float,
+    speed: Axis,
+    target: Target,
+    interval: float,
+) -> Detectors:
+    """One detector of what lies around a region, and of the region, with cells `WIDER` times as wide.
+
+    Parameters
+    ----------
+    x, y : ends of the region, east and north; metres.
+    width : of the surroundings; metres.
+    cell, speed, target, interval : of the region's detectors; see `planar_detectors`.
+    """
+    cells, speeds = surrounding_cells(x, y, width, cell, speed.count)
+    x, y = ((low - width, high + width) for low, high in (x, y))
+    slow = between(float(speed.edges[0]), float(speed.edges[-1]), speeds)
+    return planar_detectors(x, y, (1, 1), cells, WIDER * cell, slow, target, interval, WIDER)
+
+
+def surrounding_cells(
+    x: tuple[float, float], y: tuple[float, float], width: float, cell: float, speeds: int
+) -> tuple[tuple[int, int], int]:
+    """Cells along x and y of the detector of the surroundings, and along each axis of the velocity.
+
+    Parameters
+    ----------
+    x, y, width, cell : see `surrounding_detector`.
+    speeds : cells along each axis of the velocity of the region's detectors.
+
+    Examples
+    --------
+    >>> surrounding_cells((0.0, 1000.0), (0.0, 500.0), 2000.0, 50.0, 7)
+    ((25, 23), 4)
+    """
+    across, along = (math.ceil((high - low + 2 * width) / (WIDER * cell) - 1e-9) for low, high in (x, y))
+    return (across, along), math.ceil(speeds / 2)
 
 
 def tiles(

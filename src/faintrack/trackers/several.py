@@ -32,11 +32,14 @@ from faintrack.grids import Grid
 from faintrack.likelihoods.beam_energies import BeamEnergies, in_beams, region_log_ratio
 from faintrack.sensors.stations import EnergyScan
 from faintrack.targets.motion import BearingMotion, PlanarMotion
-from faintrack.targets.states import BearingState, PlanarState
+from faintrack.targets.states import BearingState
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs
-from faintrack.trackers.detectors import Detectors, around, tiles
+from faintrack.trackers.detectors import Detectors, around, hand_over, planar_detectors, surrounding_detector
 from faintrack.trackers.joint import Followed, JointTrackers
+
+OUTSIDE = -1
+"""Label of a target that is declared and has not been in the region."""
 
 
 class Watching(eqx.Module):
@@ -44,15 +47,15 @@ class Watching(eqx.Module):
 
     Attributes
     ----------
-    beliefs : of the detectors, stacked.
+    beliefs : of the region's detectors, stacked, and of that of its surroundings where they are watched.
     followed : targets in hand.
     age : scans since the target in each slot was handed over.
-    label : of each slot, 0 where it is not declared.
+    label : of each slot; 0 where it is not declared, `OUTSIDE` where it is and never was in the region.
     labels : given so far.
     scans : taken in so far.
     """
 
-    beliefs: Beliefs
+    beliefs: tuple[Beliefs, ...]
     followed: Followed
     age: Int[Array, " slot"]
     label: Int[Array, " slot"]
@@ -66,8 +69,8 @@ class SeveralEstimate(eqx.Module):
     Attributes
     ----------
     time : of the scan; seconds.
-    detection : target-present probability of every detector, before it hands over.
-    label : of the declared target in each slot; 0 where there is none.
+    detection : target-present probability of every detector of the region, before it hands over.
+    label : of the declared target in each slot; 0 where there is none in the region.
     existence : of the target in each slot, declared or not; 0 in a free one.
     mean : state of each slot.
     covariance : of its components in their order.
@@ -97,6 +100,7 @@ class SeveralTargetsTracker(eqx.Module):
     doubt : the same of a tentative one as long as a slot is free: its turn may come with a target that is found later.
     hold : scans that a target is tentative at least.
     margin : beams around those of a target that it explains.
+    outside : finds targets outside the region, which explain energy and are followed, but get no label there.
     """
 
     detectors: Detectors
@@ -107,37 +111,51 @@ class SeveralTargetsTracker(eqx.Module):
     doubt: float = 1e-8
     hold: int = 10
     margin: int = eqx.field(static=True, default=1)
+    outside: Detectors | None = None
+
+    @property
+    def watches(self) -> tuple[Detectors, ...]:
+        """Detectors of the region, and of its surroundings."""
+        return (self.detectors,) if self.outside is None else (self.detectors, self.outside)
 
     def init(self, key: PRNGKeyArray) -> Watching:
         """State before the first scan."""
         slots = self.trackers.slots
         none = jnp.zeros(slots, jnp.int32)
-        beliefs = self.detectors.init(key)
-        followed = self.trackers.init(self.detectors.filter.grid.states(beliefs.log_weights.dtype))
+        beliefs = tuple(watch.init(key) for watch in self.watches)
+        followed = self.trackers.init(self.detectors.filter.grid.states(beliefs[0].log_weights.dtype))
         return Watching(beliefs, followed, none, none, jnp.array(0), jnp.array(0))
 
     def step(self, watching: Watching, scan: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
         """Take in one scan. `key` is that of the whole record; each scan makes its own from it."""
         for_trackers, for_detectors, for_hand_over = jax.random.split(jax.random.fold_in(key, watching.scans), 3)
-        followed = self.trackers.step(watching.followed, scan, watching.label > 0, for_trackers)
+        declared = watching.label != 0
+        followed = self.trackers.step(watching.followed, scan, declared, for_trackers)
         held = followed.active
-        lowest = jnp.where((watching.label > 0) | jnp.all(held), self.drop, self.doubt)
+        lowest = jnp.where(declared | jnp.all(held), self.drop, self.doubt)
         kept = held & (followed.beliefs.existence >= lowest)
         followed = dataclasses.replace(followed, active=kept)
         age = jnp.where(kept, watching.age + 1, 0)
-        old = kept & (watching.label > 0)
-        new = kept & ~old & (age >= self.hold) & (followed.beliefs.existence >= self.declare)
-        label = jnp.where(old, watching.label, jnp.where(new, watching.labels + jnp.cumsum(new), 0)).astype(jnp.int32)
+        old = kept & declared
+        declared = old | (kept & (age >= self.hold) & (followed.beliefs.existence >= self.declare))
         middles = self.trackers.middles(followed)
+        inside = self.detectors.covers(middles) if self.outside is not None else jnp.array(True)
+        new = declared & inside & ~(old & (watching.label > 0))
+        label = jnp.where(old, watching.label, OUTSIDE)
+        label = jnp.where(declared, jnp.where(new, watching.labels + jnp.cumsum(new), label), 0).astype(jnp.int32)
 
-        beliefs = self.detectors.predict(watching.beliefs, scan.time, for_detectors)
-        beams = self.trackers.likelihood.fans.beams(scan.stations, self.detectors.points)
-        beliefs = self.detectors.update(beliefs, self._unexplained(scan, beams, middles, kept, label > 0))
-        found = jnp.max(beliefs.existence) >= self.detect
+        beams = [self.trackers.likelihood.fans.beams(scan.stations, watch.points) for watch in self.watches]
+        beliefs = tuple(
+            watch.update(
+                watch.predict(of, scan.time, for_detectors), self._unexplained(scan, at, middles, kept, declared)
+            )
+            for watch, of, at in zip(self.watches, watching.beliefs, beams, strict=True)
+        )
+        found = jnp.max(jnp.concatenate([of.existence for of in beliefs])) >= self.detect
         estimate = SeveralEstimate(
             scan.time,
-            beliefs.existence,
-            label,
+            beliefs[0].existence,
+            jnp.where(inside, jnp.maximum(label, 0), 0),
             jnp.where(kept, followed.beliefs.existence, 0),
             middles,
             followed.beliefs.each(covariance),
@@ -145,14 +163,14 @@ class SeveralTargetsTracker(eqx.Module):
             found & jnp.all(kept),
         )
 
-        def hand_over(beliefs: Beliefs, followed: Followed) -> tuple[Beliefs, Followed]:
-            left, states, log_odds = self.detectors.hand_over(
-                beliefs, beams, self.margin, self.trackers.particles, for_hand_over
+        def taken(beliefs: tuple[Beliefs, ...], followed: Followed) -> tuple[tuple[Beliefs, ...], Followed]:
+            left, states, log_odds = hand_over(
+                self.watches, beliefs, beams, self.margin, self.trackers.particles, for_hand_over
             )
             return left, self.trackers.take(followed, states, log_odds)
 
         wanted = found & ~jnp.all(kept)
-        beliefs, followed = jax.lax.cond(wanted, hand_over, lambda *same: same, beliefs, followed)
+        beliefs, followed = jax.lax.cond(wanted, taken, lambda *same: same, beliefs, followed)
         labels = watching.labels + new.sum()
         return Watching(beliefs, followed, age, label, labels, watching.scans + 1), estimate
 
@@ -197,6 +215,7 @@ def region_tracker(
     slots: int = 8,
     particles: int = 2048,
     separate: bool = False,
+    surroundings: float = 0.0,
     **options: Any,
 ) -> SeveralTargetsTracker:
     """Tracker of targets that move at a nearly constant velocity within a region.
@@ -214,18 +233,19 @@ def region_tracker(
     arrival_rate : of a target in one detector; per second.
     departure_rate : of a target that is there; per second.
     slots, particles, separate : see `faintrack.trackers.joint.JointTrackers`.
+    surroundings : how far outside the region there are targets that explain energy; metres.
     options : see `SeveralTargetsTracker`.
 
     Raises
     ------
     InputError : detectors that do not cover the region.
     """
-    (along_x, along_y), place = tiles(x, y, detectors, cells, cell)
-    grid = Grid(PlanarState, (("vx", speed), ("vy", speed), ("x", along_x), ("y", along_y)))
     target = Target(None, PlanarMotion(velocity_noise), arrival_rate, departure_rate)
-    watch = Detectors(GridFilter(grid, target, alternating_directions(grid, velocity_noise, interval)), place)
-    trackers = JointTrackers(target, likelihood, watch.limits, slots, particles, separate=separate)
-    return SeveralTargetsTracker(watch, trackers, **options)
+    watch = planar_detectors(x, y, detectors, cells, cell, speed, target, interval)
+    outside = surrounding_detector(x, y, surroundings, cell, speed, target, interval) if surroundings > 0 else None
+    limits = (watch if outside is None else outside).limits
+    trackers = JointTrackers(target, likelihood, limits, slots, particles, separate=separate)
+    return SeveralTargetsTracker(watch, trackers, outside=outside, **options)
 
 
 def bearing_tracker(

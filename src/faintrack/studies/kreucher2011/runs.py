@@ -134,7 +134,8 @@ def four(key: PRNGKeyArray) -> dict[str, Array]:
 
     def step(watching: Watching, scan: EnergyScan) -> tuple[Watching, tuple[Any, Array]]:
         after, estimate = tracker.step(watching, scan, for_tracker)
-        place = jax.nn.logsumexp(after.beliefs.log_weights[0], axis=(0, 1)) + jax.nn.log_sigmoid(after.beliefs.log_odds)
+        (belief,) = after.beliefs
+        place = jax.nn.logsumexp(belief.log_weights[0], axis=(0, 1)) + jax.nn.log_sigmoid(belief.log_odds)
         return after, (estimate, place)
 
     _, (estimate, place) = jax.lax.scan(step, tracker.init(for_tracker), scans)
