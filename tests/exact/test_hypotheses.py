@@ -15,15 +15,24 @@ ODDS = (0.4, -1.2, 2.0)
 STAYS = 0.9
 
 
+CROSSED = jnp.array([[10, 40, 10, 40], [20, 50, 50, 20]])
+"""Beams in two arrays of two targets and of their two ghosts."""
+
+
 def slot(number: int, slots: int = 4) -> jax.Array:
     return jnp.arange(slots) == number
+
+
+def apart(slots: int = 4) -> jax.Array:
+    """Beams of targets that share none."""
+    return jnp.stack([10 * jnp.arange(slots)] * 2)
 
 
 def three() -> Hypotheses:
     """Targets in the first three of four slots."""
     hypotheses = Hypotheses.none(4)
     for number, odds in enumerate(ODDS):
-        hypotheses = hypotheses.joined(slot(number), jnp.array(odds))
+        hypotheses = hypotheses.joined(slot(number), jnp.array(odds), apart())
     return hypotheses
 
 
@@ -64,6 +73,26 @@ def test_targets_join_with_their_odds() -> None:
     assert_alike(told(three()), independent())
     np.testing.assert_allclose(three().log_odds[:3], ODDS, atol=rounding(np.float32, 100))
     assert three().log_odds[3] == -jnp.inf
+
+
+def test_ghosts_that_are_found_later_weigh_as_much_as_their_targets() -> None:
+    """What spoke for two targets before their ghosts were in hand would have spoken for these as well."""
+    hypotheses = Hypotheses.none(4)
+    for number in range(2):
+        hypotheses = hypotheses.joined(slot(number), jnp.array(1.0), CROSSED)
+    before = hypotheses.updated(lambda members: 8.0 * jnp.sum(members))
+    after = before
+    for number, shift in ((2, 1), (3, -1)):
+        # A beam beside is the same one.
+        after = after.joined(slot(number), jnp.array(1.0), CROSSED + shift * jnp.array([0, 0, 1, 1]))
+    found = told(after)
+    assert found[frozenset({2, 3})] == pytest.approx(found[frozenset({0, 1})], rel=rounding(np.float32, 100))
+    assert found[frozenset({2})] < 1e-3 * found[frozenset({0})]
+    # Where the beams are others, they have their own odds alone.
+    plain = before
+    for number in (2, 3):
+        plain = plain.joined(slot(number), jnp.array(1.0), apart())
+    assert told(plain)[frozenset({2, 3})] < 1e-3 * told(plain)[frozenset({0, 1})]
 
 
 def test_a_scan_weighs_sets_and_odds_are_sums_over_them() -> None:
@@ -109,7 +138,7 @@ def test_what_is_settled_is_a_condition() -> None:
     after = three().updated(lambda members: 2.0 * (members[0] & members[2])).settled(slot(0), slot(1))
     q = 1 / (1 + math.exp(-ODDS[2]))
     assert_alike(told(after), normalised({frozenset({2}): q * math.exp(2.0), frozenset(): 1 - q}))
-    again = after.joined(slot(1), jnp.array(0.0))
+    again = after.joined(slot(1), jnp.array(0.0), apart())
     assert len(told(again)) == 4
     assert float(again.log_odds[1]) == pytest.approx(0.0, abs=1e-5)
 
@@ -123,7 +152,8 @@ def test_the_likeliest_are_kept() -> None:
     """Nine targets have 512 sets: those held are the likeliest, and a sure target is in all of them."""
     hypotheses = Hypotheses.none(9)
     for number in range(9):
-        hypotheses = hypotheses.joined(slot(number, 9), jnp.array(20.0 if number == 4 else 0.3 + 0.1 * number))
+        odds = jnp.array(20.0 if number == 4 else 0.3 + 0.1 * number)
+        hypotheses = hypotheses.joined(slot(number, 9), odds, apart(9))
     held = told(hypotheses)
     assert len(held) == CAPACITY
     assert all(4 in members for members in held)

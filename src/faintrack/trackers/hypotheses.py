@@ -12,6 +12,12 @@ and of two sets that explain all scans alike both keep what they have. A target 
 sets, by its odds; one that is declared or given up is settled: the sets that say otherwise are gone. Targets leave
 independently of each other.
 
+Targets are found one after the other, and what a scan says for a set is not gathered before all of it are in hand: the
+pair that is in hand first, targets or ghosts, has a lead that nothing speaks for. Sets that occupy the same beams
+explain the same energy. So one with a newcomer starts with no less than a set :math:`e'` without it in the same beams,
+
+.. math:: w_{e \cup n} = \max\left(w_e \, q_n, \; \max_{e' \sim e \cup n} w_{e'} (1 - q_n)\right)
+
 Up to `CAPACITY` sets are held, all there are of six targets. With more, the likeliest are kept.
 """
 
@@ -21,7 +27,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.typing import DTypeLike
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.filters.resampling import systematic
 
@@ -56,12 +62,30 @@ class Hypotheses(eqx.Module):
 
         return total(self.members) - total(~self.members)
 
-    def joined(self, new: Bool[Array, " target"], log_odds: Float[Array, ""]) -> "Hypotheses":
-        """With a target that is in no set yet; `new` says which."""
-        log_weights = jnp.concatenate(
-            [self.log_weights + jax.nn.log_sigmoid(-log_odds), self.log_weights + jax.nn.log_sigmoid(log_odds)]
-        )
+    def joined(
+        self,
+        new: Bool[Array, " target"],
+        log_odds: Float[Array, ""],
+        beams: Int[Array, "array target"],
+        margin: float = 1.0,
+    ) -> "Hypotheses":
+        """With a target that is in no set yet.
+
+        Parameters
+        ----------
+        new : which target it is.
+        log_odds : natural log of the odds that it exists.
+        beams : of every target.
+        margin : beams up to which two are the same.
+        """
         members = jnp.concatenate([self.members, self.members | new])
+        occupied = jnp.sort(jnp.where(members[:, None], beams, jnp.iinfo(beams.dtype).max // 2), axis=2)
+        before, after = jnp.split(occupied, 2)
+        same = jnp.all(jnp.abs(after[:, None] - before) <= margin, axis=(2, 3))
+        alone = self.log_weights + jax.nn.log_sigmoid(-log_odds)
+        least = jnp.max(jnp.where(same, alone, -jnp.inf), axis=1)
+        both = jnp.maximum(self.log_weights + jax.nn.log_sigmoid(log_odds), least)
+        log_weights = jnp.concatenate([alone, jnp.where(self.log_weights > -jnp.inf, both, -jnp.inf)])
         likeliest = jax.lax.top_k(log_weights, CAPACITY)[1]
         return Hypotheses(members[likeliest], jax.nn.log_softmax(log_weights[likeliest]))
 

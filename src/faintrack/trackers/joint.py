@@ -52,7 +52,7 @@ from faintrack.filters.resampling import systematic
 from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, set_log_ratio
 from faintrack.likelihoods.within import REFUTED
 from faintrack.precision import full_precision
-from faintrack.sensors.stations import EnergyScan
+from faintrack.sensors.stations import EnergyScan, Stations
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs
 from faintrack.trackers.hypotheses import Hypotheses
@@ -169,7 +169,7 @@ class JointTrackers(eqx.Module):
         log_odds = jnp.where(tentative, hypotheses.log_odds, whether.log_odds)
         return Followed(dataclasses.replace(where, log_odds=log_odds), followed.active, joint, hypotheses)
 
-    def take(self, followed: Followed, states: Any, log_odds: Float[Array, ""]) -> Followed:
+    def take(self, followed: Followed, states: Any, log_odds: Float[Array, ""], stations: Stations) -> Followed:
         """Put a target into the first free slot, of which there is one; `states` has as many entries as particles."""
         mine = jnp.arange(self.slots) == jnp.argmin(followed.active)
         old = followed.beliefs
@@ -182,7 +182,9 @@ class JointTrackers(eqx.Module):
             old.time,
         )
         joint = (followed.joint & ~mine[:, None] & ~mine[None, :]) | jnp.eye(self.slots, dtype=bool)
-        hypotheses = followed.hypotheses.settled(jnp.zeros_like(mine), ~followed.active).joined(mine, log_odds)
+        beams = self.likelihood.fans.beams(stations, beliefs.each(mean))
+        left = followed.hypotheses.settled(jnp.zeros_like(mine), ~followed.active)
+        hypotheses = left.joined(mine, log_odds, beams, self.margin)
         return Followed(beliefs, followed.active | mine, joint, hypotheses)
 
     def middles(self, followed: Followed) -> Any:

@@ -167,7 +167,7 @@ class SeveralTargetsTracker(eqx.Module):
             left, states, log_odds = hand_over(
                 self.watches, beliefs, beams, self.margin, self.trackers.particles, for_hand_over
             )
-            return left, self.trackers.take(followed, states, log_odds)
+            return left, self.trackers.take(followed, states, log_odds, scan.stations)
 
         wanted = found & ~jnp.all(kept)
         beliefs, followed = jax.lax.cond(wanted, taken, lambda *same: same, beliefs, followed)
