@@ -58,6 +58,7 @@ sphinx_gallery_conf = {
             "plot_bearings.py",
             "plot_infrasound_bearings.py",
             "plot_several_arrays.py",
+            "plot_loud_outside.py",
             "plot_several_sources.py",
             # Those that are not listed yet come last, in their order.
             "*",

@@ -1,0 +1,101 @@
+r"""
+A loud ship outside the region
+==============================
+
+Two arrays watch a square of 800 m. A target is in it, and a ship goes by 2 km to the east. Both arrays hear both. The
+beam of the target in one array crosses that of the ship in the other within the square: a ghost that is as loud as the
+target, and moves as steadily. Where the surroundings are watched, the ship is found too, and explains its beams.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+
+from faintrack.axis import Axis
+from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.plots.stations import draw_map
+from faintrack.result import Result
+from faintrack.scenario import Scenario
+from faintrack.sensors.stations import Fans, Stations
+from faintrack.sequence import from_frames
+from faintrack.session_stations import track_records
+from faintrack.simulation.energies import draw_energies
+from faintrack.targets.states import PlanarState
+
+STEP_DEG, LEVEL, RUNS = 5.0, 4.0, 10
+time = jnp.arange(40.0)
+fans = Fans(first=(0.0, 0.0), step=(math.radians(STEP_DEG),) * 2, count=(37, 37), line=(True, True))
+lines = Stations(x=jnp.array([0.0, -500.0]), y=jnp.array([-500.0, 0.0]), heading=jnp.array([math.pi / 2, 0.0]))
+target, ship = jnp.array([-200.0, 100.0, 1.0, 1.0]), jnp.array([2000.0, 0.0, -2.0, 1.0])
+x, y = (jnp.stack([each[n] + each[n + 2] * time for each in (target, ship)], axis=1) for n in range(2))
+truth = PlanarState(x, y, *(jnp.zeros_like(x),) * 2)
+beams = (("bearing", Axis(0.0, STEP_DEG, 37)),)
+
+
+def track(run: int, surroundings: float) -> Result:
+    """Result of one draw of the noise."""
+    heard = draw_energies(
+        jax.random.key(run), BeamEnergies(fans, present_mean=LEVEL), time, lines, truth, jnp.ones(x.shape, bool)
+    )
+    records = tuple(from_frames(np.asarray(heard.energy[:, number]), axes=beams) for number in range(2))
+    return track_records(
+        records,
+        Scenario.model_validate(
+            {
+                "stations": [
+                    {"name": "south", "x": 0.0, "y": -500.0, "heading_deg": 90.0},
+                    {"name": "west", "x": -500.0, "y": 0.0, "heading_deg": 0.0},
+                ],
+                "region": {
+                    "x": [-400, 400],
+                    "y": [-400, 400],
+                    "cell": 50.0,
+                    "detectors": [2, 1],
+                    "speed": 6.0,
+                    "speeds": 5,
+                    "surroundings": surroundings,
+                },
+                "energies": {"absent": [0.0, 1.0], "present": [LEVEL, 1.0]},
+                "target": {"arrival_rate": 0.001, "departure_rate": 0.001, "velocity_noise": 0.2},
+                "several": {"slots": 4},
+                "filter": {"seed": run},
+            }
+        ),
+    )
+
+
+# %%
+# In ten draws of the noise
+# -------------------------
+# How far the tracks are from the target at the end, without and with the surroundings, 2 km around the square.
+
+results = {width: [track(run, width) for run in range(RUNS)] for width in (0.0, 2000.0)}
+off = {
+    width: [
+        math.hypot(each.end["x"] - float(x[-1, 0]), each.end["y"] - float(y[-1, 0]))
+        for result in found
+        for each in result.tracks
+    ]
+    for width, found in results.items()
+}
+for width, values in off.items():
+    print(f"{width:4.0f} m watched: {len(values)} tracks in {RUNS} draws, {sum(v > 80 for v in values)} of them ghosts")
+
+# %%
+# One of them
+# -----------
+# The target's way is dotted. Its ghost lies where the beams of the target and of the ship cross, thin.
+
+worst = next(run for run, result in enumerate(results[0.0]) if any(t.end["y"] < 60 for t in result.tracks))
+figure, axes = plt.subplots(1, 2, figsize=(11, 5.5), sharex=True, sharey=True, layout="constrained")
+for axis, (width, found) in zip(axes, results.items(), strict=True):
+    draw_map(axis, found[worst].data)
+    axis.plot(np.asarray(x[:, 0]) / 1000, np.asarray(y[:, 0]) / 1000, color="black", ls=":", lw=1.5)
+    for east, north in zip(lines.x, lines.y, strict=True):
+        for goal in range(2):
+            axis.axline((east / 1000, north / 1000), (x[-1, goal] / 1000, y[-1, goal] / 1000), color="#999999", lw=0.6)
+    axis.set(xlim=(-0.6, 0.6), ylim=(-0.6, 0.6))
+    axis.set_title("surroundings not watched" if width == 0 else f"surroundings watched, {width / 1000:g} km")
