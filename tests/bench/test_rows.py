@@ -3,7 +3,6 @@
 What is compared must compute the same: one step of Stone Soup's filter, and Acoular's beam power.
 """
 
-import dataclasses
 import json
 import math
 
@@ -12,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.bench import FOR_GPU, ROWS, Sizes, run
+from faintrack.bench import FOR_GPU, ROWS, Sizes, chosen, run
 from faintrack.bench.acoular_peer import FAR, acoular_beam_power
 from faintrack.bench.beam_problem import SNAPSHOTS, draw_frames, plan_of
 from faintrack.bench.bernoulli import problem, stone_soup_step
@@ -81,18 +80,17 @@ def test_without_its_peer_a_row_says_so(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_a_name_that_is_no_row() -> None:
     with pytest.raises(InputError, match="no row 'speed'"):
-        run(["speed"])
+        chosen(["speed"])
 
 
 def test_rows_for_a_gpu_are_left_out_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    quick = run(["implicit_step_4d"], TINY)[0]
-    rows = {name: lambda machine, sizes, name=name: dataclasses.replace(quick, name=name) for name in ("a", *FOR_GPU)}
+    rows = {name: ROWS["implicit_step_4d"] for name in ("a", *FOR_GPU)}
     monkeypatch.setattr("faintrack.bench.ROWS", rows)
     for backend, expected in (("cpu", ["a"]), ("gpu", list(rows))):
         monkeypatch.setattr("jax.default_backend", lambda backend=backend: backend)
-        assert [row.name for row in run(sizes=TINY)] == expected
+        assert chosen() == expected
     monkeypatch.setattr("jax.default_backend", lambda: "cpu")
-    assert [row.name for row in run(FOR_GPU, TINY)] == list(FOR_GPU)
+    assert chosen(FOR_GPU) == list(FOR_GPU)
 
 
 def test_stone_soup_takes_the_same_step() -> None:

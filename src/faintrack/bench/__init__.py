@@ -4,7 +4,7 @@ Every row is a function of the machine's own rates and of sizes; a row whose pee
 so. Times are the least of many repeats, with what the first call takes to compile apart.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import jax
 
@@ -31,7 +31,7 @@ from faintrack.bench.startup import help_seconds, import_seconds, tenet_seconds
 from faintrack.bench.studies import study_seconds
 from faintrack.errors import InputError
 
-__all__ = ["FOR_GPU", "ROWS", "Row", "Sizes", "run"]
+__all__ = ["FOR_GPU", "ROWS", "Row", "Sizes", "chosen", "run"]
 
 ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
     row.__name__: row
@@ -67,24 +67,31 @@ FOR_GPU = {"several_region"}
 """Rows for a GPU; where JAX sees none they take gigabytes and seconds, and run only if they are named."""
 
 
-def run(names: Iterable[str] | None = None, sizes: Sizes | None = None) -> list[Row]:
-    """Measure.
-
-    Parameters
-    ----------
-    names : of the rows, keys of `ROWS`; all that the machine is for where not given.
-    sizes : of the problems; those of the targets where not given.
+def chosen(names: Iterable[str] | None = None) -> list[str]:
+    """Rows to measure: those that are named, or all that the machine is for.
 
     Raises
     ------
     InputError : there is no row of that name.
     """
     if names is None:
-        names = [name for name in ROWS if name not in FOR_GPU or jax.default_backend() == "gpu"]
+        return [name for name in ROWS if name not in FOR_GPU or jax.default_backend() == "gpu"]
     names = list(names)
     for name in names:
         if name not in ROWS:
             raise InputError(f"there is no row {name!r} in the benchmark; the rows are {', '.join(ROWS)}.")
+    return names
+
+
+def run(names: Iterable[str], sizes: Sizes | None = None) -> Iterator[Row]:
+    """Measure, one row after the other.
+
+    Parameters
+    ----------
+    names : of the rows, see `chosen`.
+    sizes : of the problems; those of the targets where not given.
+    """
     sizes = Sizes() if sizes is None else sizes
     machine = measure(seconds=sizes.repeat_seconds)
-    return [ROWS[name](machine, sizes) for name in names]
+    for name in names:
+        yield ROWS[name](machine, sizes)

@@ -196,10 +196,12 @@ def bench(
 
     Example: [bold]faintrack bench several_sea_trial several_synthetic[/bold]
     """
-    from faintrack.bench import run
+    from faintrack.bench import chosen, run
+    from faintrack.cli.progress import progress
     from faintrack.cli.tables import print_bench
 
-    measured = run(rows or None)
+    names = chosen(rows or None)
+    measured = list(progress(run(names), "measuring", len(names), lambda _: 1, as_json))
     if as_json:
         print(json.dumps({"rows": [row.as_dict() for row in measured]}))
     else:

@@ -81,10 +81,9 @@ class Detectors(eqx.Module):
     def covers(self, states: Any) -> Bool[Array, "*points"]:
         """Whether states have a position within the grids."""
         low, high = self.limits
-        moving = [name for name in self.filter.grid.kind.rates if hasattr(states, name)]
         inside = [
             (getattr(states, name) >= getattr(low, name)) & (getattr(states, name) <= getattr(high, name))
-            for name in moving
+            for name in self.filter.grid.kind.rates
         ]
         return functools.reduce(jnp.logical_and, inside)
 
