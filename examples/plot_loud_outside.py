@@ -70,26 +70,27 @@ def track(run: int, surroundings: float) -> Result:
 # %%
 # In ten draws of the noise
 # -------------------------
-# How far the tracks are from the target at the end, without and with the surroundings, 2 km around the square.
+# How many tracks end more than 80 m from the target, without and with the surroundings, 2 km around the square.
+
+
+def off(result: Result) -> list[float]:
+    """How far each track ends from the target."""
+    return [math.hypot(each.end["x"] - float(x[-1, 0]), each.end["y"] - float(y[-1, 0])) for each in result.tracks]
+
 
 results = {width: [track(run, width) for run in range(RUNS)] for width in (0.0, 2000.0)}
-off = {
-    width: [
-        math.hypot(each.end["x"] - float(x[-1, 0]), each.end["y"] - float(y[-1, 0]))
-        for result in found
-        for each in result.tracks
-    ]
-    for width, found in results.items()
-}
-for width, values in off.items():
-    print(f"{width:4.0f} m watched: {len(values)} tracks in {RUNS} draws, {sum(v > 80 for v in values)} of them ghosts")
+for width, found in results.items():
+    ends = [each for result in found for each in off(result)]
+    print(
+        f"{width:4.0f} m watched: {len(ends)} tracks in {RUNS} draws, {sum(each > 80 for each in ends)} of them ghosts"
+    )
 
 # %%
 # One of them
 # -----------
-# The target's way is dotted. Its ghost lies where the beams of the target and of the ship cross, thin.
+# The target's way is dotted; thin lines are the beams of target and ship, and the ghost lies where they cross.
 
-worst = next(run for run, result in enumerate(results[0.0]) if any(t.end["y"] < 60 for t in result.tracks))
+worst = max(range(RUNS), key=lambda run: max(off(results[0.0][run]), default=0.0))
 figure, axes = plt.subplots(1, 2, figsize=(11, 5.5), sharex=True, sharey=True, layout="constrained")
 for axis, (width, found) in zip(axes, results.items(), strict=True):
     draw_map(axis, found[worst].data)

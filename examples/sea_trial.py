@@ -53,7 +53,7 @@ LEVEL, SPREAD = 3.0, 1.3
 BEAMS, CUTOFF = 181, 200.0
 """Of an array; and distance from a ship beyond which a track is not at it, m: two deviations of two beams' crossing."""
 SETTLED = 60
-"""Scans after which tracks are counted."""
+"""Scans after which ships should be held."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 
 
@@ -197,14 +197,14 @@ def summary(found: SeveralEstimate, truth: np.ndarray) -> dict[str, Any]:
                 "rmse_m": round(float(np.sqrt(np.mean(mine[ship] ** 2))), 1),
             }
         )
-    # Where a ship has a track, the nearest.
-    nearest = np.where(at, apart, np.inf).min(axis=2)
+    # Of the tracks at a ship, the nearest.
+    nearest = np.where(at.any(axis=2), np.where(at, apart, np.inf).min(axis=2), np.nan)
     distance = [gospa(place[t][declared[t]], truth[:, t], CUTOFF).total for t in range(SETTLED, SECONDS)]
     return {
         "false_tracks": sum(track["ship"] is None for track in tracks),
         "false_s": int((declared & ~at.any(axis=0)).sum()),
         "held": [round(float(np.isfinite(one[SETTLED:]).mean()), 3) for one in nearest],
-        "rmse_m": [round(float(np.sqrt(np.mean(one[np.isfinite(one)] ** 2))), 1) for one in nearest],
+        "rmse_m": [round(float(np.sqrt(np.nanmean(one**2))), 1) if np.isfinite(one).any() else None for one in nearest],
         "gospa_m": round(float(np.mean(distance)), 1),
         "joint_scans": int((found.joint & declared).any(axis=1).sum()),
         "tracks": tracks,
@@ -215,7 +215,7 @@ def together(runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Means over runs with 95 % intervals, of runs drawn anew."""
 
     def mean(values: Iterable[Any]) -> list[float]:
-        numbers = np.array(list(values), float)
+        numbers = np.array([value for value in values if value is not None], float)
         low, high = bootstrap_interval(np.mean, numbers)
         return [round(float(value), 3) for value in (numbers.mean(), low, high)]
 

@@ -1,8 +1,8 @@
 """What came out of the records of several arrays, or of one, scan by scan, as named variables with units.
 
 A target in hand occupies a slot, and slots are used again: a track is all entries with one label, in whatever slot they
-stand. Where a slot holds no target its state is not a number; where its target is not declared yet its label is 0.
-Targets that an array hears by itself have a bearing in place of a position.
+stand. Where a slot holds no target its state is not a number; where its target is not declared yet, or is outside the
+region, its label is 0. Targets that an array hears by itself have a bearing in place of a position.
 """
 
 from collections.abc import Iterator

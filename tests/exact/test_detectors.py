@@ -109,7 +109,8 @@ def test_points_are_spread_evenly_in_their_cells() -> None:
 def test_neighbours_in_every_array_that_hears_the_middle() -> None:
     numbers = jnp.array([[3, 4, 6, -1], [9, 9, 9, 9]])
     assert around(numbers, jnp.array([4, 9]), 1).tolist() == [True, True, False, False]
-    assert around(numbers, jnp.array([-1, 9]), 1).tolist() == [True] * 4
+    assert around(numbers, jnp.array([-1, 9]), 1).tolist() == [False, False, False, True]
+    assert not around(numbers, jnp.array([-1, -1]), 1).any()
 
 
 def test_tiles_have_to_cover_the_region() -> None:

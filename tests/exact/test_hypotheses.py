@@ -32,7 +32,7 @@ def three() -> Hypotheses:
     """Targets in the first three of four slots."""
     hypotheses = Hypotheses.none(4)
     for number, odds in enumerate(ODDS):
-        hypotheses = hypotheses.joined(slot(number), jnp.array(odds), apart())
+        hypotheses = hypotheses.joined(slot(number), jnp.array(odds), apart(), 1)
     return hypotheses
 
 
@@ -79,20 +79,29 @@ def test_ghosts_that_are_found_later_weigh_as_much_as_their_targets() -> None:
     """What spoke for two targets before their ghosts were in hand would have spoken for these as well."""
     hypotheses = Hypotheses.none(4)
     for number in range(2):
-        hypotheses = hypotheses.joined(slot(number), jnp.array(1.0), CROSSED)
+        hypotheses = hypotheses.joined(slot(number), jnp.array(1.0), CROSSED, 1)
     before = hypotheses.updated(lambda members: 8.0 * jnp.sum(members))
     after = before
     for number, shift in ((2, 1), (3, -1)):
         # A beam beside is the same one.
-        after = after.joined(slot(number), jnp.array(1.0), CROSSED + shift * jnp.array([0, 0, 1, 1]))
+        after = after.joined(slot(number), jnp.array(1.0), CROSSED + shift * jnp.array([0, 0, 1, 1]), 1)
     found = told(after)
     assert found[frozenset({2, 3})] == pytest.approx(found[frozenset({0, 1})], rel=rounding(np.float32, 100))
     assert found[frozenset({2})] < 1e-3 * found[frozenset({0})]
     # Where the beams are others, they have their own odds alone.
     plain = before
     for number in (2, 3):
-        plain = plain.joined(slot(number), jnp.array(1.0), apart())
+        plain = plain.joined(slot(number), jnp.array(1.0), apart(), 1)
     assert told(plain)[frozenset({2, 3})] < 1e-3 * told(plain)[frozenset({0, 1})]
+
+
+def test_a_beam_is_not_that_of_an_array_that_hears_nothing() -> None:
+    """The newcomer is not heard by the first array, and the target is in its beam 0."""
+    beams = jnp.array([[0, -1], [20, 20]])
+    hypotheses = Hypotheses.none(2)
+    for number, odds in enumerate((6.0, 0.0)):
+        hypotheses = hypotheses.joined(slot(number, 2), jnp.array(odds), beams, 1)
+    np.testing.assert_allclose(hypotheses.log_odds, [6.0, 0.0], atol=rounding(np.float32, 1000))
 
 
 def test_a_scan_weighs_sets_and_odds_are_sums_over_them() -> None:
@@ -138,7 +147,7 @@ def test_what_is_settled_is_a_condition() -> None:
     after = three().updated(lambda members: 2.0 * (members[0] & members[2])).settled(slot(0), slot(1))
     q = 1 / (1 + math.exp(-ODDS[2]))
     assert_alike(told(after), normalised({frozenset({2}): q * math.exp(2.0), frozenset(): 1 - q}))
-    again = after.joined(slot(1), jnp.array(0.0), apart())
+    again = after.joined(slot(1), jnp.array(0.0), apart(), 1)
     assert len(told(again)) == 4
     assert float(again.log_odds[1]) == pytest.approx(0.0, abs=1e-5)
 
@@ -153,7 +162,7 @@ def test_the_likeliest_are_kept() -> None:
     hypotheses = Hypotheses.none(9)
     for number in range(9):
         odds = jnp.array(20.0 if number == 4 else 0.3 + 0.1 * number)
-        hypotheses = hypotheses.joined(slot(number, 9), odds, apart(9))
+        hypotheses = hypotheses.joined(slot(number, 9), odds, apart(9), 1)
     held = told(hypotheses)
     assert len(held) == CAPACITY
     assert all(4 in members for members in held)

@@ -205,7 +205,7 @@ def test_scenarios_that_are_wrong(changes: dict[str, Any], expected: str) -> Non
         ({"speeds": 99, "cell": 2.0}, "region: 2 detectors of 343 x 400 cells with 99 x 99 speeds are"),
         (
             {"speeds": 7, "surroundings": 1_000_000.0},
-            "region.surroundings: 1e+06 m around the region are",
+            "region.surroundings: with 1e+06 m around the region there are",
         ),
         ({"speed": 500.0}, "region: targets move up to 500 m between two scans, more than half a detector"),
     ],

@@ -1,6 +1,7 @@
 """The commands, one function each; the docstring is what `--help` shows."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -197,11 +198,15 @@ def bench(
     Example: [bold]faintrack bench several_sea_trial several_synthetic[/bold]
     """
     from faintrack.bench import chosen, run
-    from faintrack.cli.progress import progress
     from faintrack.cli.tables import print_bench
 
     names = chosen(rows or None)
-    measured = list(progress(run(names), "measuring", len(names), lambda _: 1, as_json))
+    measured = []
+    for row in run(names):
+        measured.append(row)
+        # A bar that redraws itself would take its share of the times.
+        if sys.stderr.isatty() and not as_json:
+            print(f"{len(measured)} of {len(names)}: {row.name} {row.ours:.3g} {row.unit}", file=sys.stderr)
     if as_json:
         print(json.dumps({"rows": [row.as_dict() for row in measured]}))
     else:

@@ -104,7 +104,7 @@ def steps_within(way: float, cell: float) -> int:
     >>> steps_within(3.0, 2.0), steps_within(0.0, 2.0)
     (3, 1)
     """
-    return max(math.ceil(2 * way / cell), 1)
+    return max(math.ceil(2 * way / cell - 1e-9), 1)
 
 
 def alternating_directions(

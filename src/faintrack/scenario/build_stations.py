@@ -23,8 +23,7 @@ from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target
 from faintrack.trackers.detectors import Detectors, planar_detectors, surrounding_cells, surrounding_detector
-from faintrack.trackers.joint import JointTrackers
-from faintrack.trackers.several import SeveralTargetsTracker, bearing_tracker
+from faintrack.trackers.several import SeveralTargetsTracker, assembled, bearing_tracker
 
 Path = Mapping[str, np.ndarray]
 """Where an array moves, by the names of columns: `time_s`, `x_m` and `y_m` or `latitude_deg` and `longitude_deg`, and
@@ -217,11 +216,11 @@ def build_detectors(
     if not table.surroundings:
         return watch, None
     (across, along), slow = surrounding_cells(*region, table.surroundings, table.cell, table.speeds)
-    total = across * along * slow**2
+    total += across * along * slow**2
     if total > LARGEST_CELLS:
         raise InputError(
-            f"region.surroundings: {table.surroundings:g} m around the region are {total:,} cells, more than "
-            f"{LARGEST_CELLS:,}; expected less, a larger cell, or fewer speeds."
+            f"region.surroundings: with {table.surroundings:g} m around the region there are {total:,} cells, more "
+            f"than {LARGEST_CELLS:,}; expected less, a larger cell, or fewer speeds."
         )
     return watch, surrounding_detector(*region, table.surroundings, table.cell, speed, target, interval)
 
@@ -255,9 +254,7 @@ def build_several(
     require_heard(scenario, fans, placed, region)
     watch, outside = build_detectors(scenario, region, interval)
     target, likelihood = build_target(scenario), build_likelihood(scenario, fans)
-    limits = (watch if outside is None else outside).limits
-    trackers = JointTrackers(target, likelihood, limits, table.slots, _particles(table))
-    return SeveralTargetsTracker(watch, trackers, outside=outside, **_decisions(table))
+    return assembled(watch, outside, target, likelihood, table.slots, _particles(table), **_decisions(table))
 
 
 def _alone(scenario: Scenario, fans: Fans, interval: float) -> SeveralTargetsTracker:

@@ -16,7 +16,7 @@ same detector is what is left, and follows in a later scan (its figures 1-2). De
 target, so the cells of all of them are emptied.
 
 A region has **surroundings**, from which energy reaches the arrays as well. They are watched by one detector more, with
-cells four times as wide: what is found there is no target of the region, but explains what would be taken for one.
+cells four times as wide: a target outside is none of the region's, but explains what would be taken for one.
 """
 
 import dataclasses
@@ -205,9 +205,10 @@ class Detectors(eqx.Module):
 
 
 def around(beams: Int[Array, "array *points"], middle: Int[Array, " array"], margin: int) -> Bool[Array, "*points"]:
-    """Points that fall within `margin` of the same beam in every array that hears the middle."""
+    """Points that fall within `margin` of the middle's beam in every array, or are as little heard there as it."""
     middle = middle.reshape(-1, *(1,) * (beams.ndim - 1))
-    return jnp.all(((jnp.abs(beams - middle) <= margin) & (beams >= 0)) | (middle < 0), axis=0)
+    heard = (beams >= 0) & (middle >= 0)
+    return jnp.all(jnp.where(heard, jnp.abs(beams - middle) <= margin, (beams < 0) & (middle < 0)), axis=0)
 
 
 def hand_over(
@@ -269,7 +270,7 @@ def planar_detectors(
     (along_x, along_y), place = tiles(x, y, detectors, cells, cell)
     # Stepped fastest in this order of the axes.
     grid = Grid(PlanarState, (("vx", speed), ("vy", speed), ("x", along_x), ("y", along_y)))
-    substeps = steps_within(float(speed.edges[-1]) * interval, cell)
+    substeps = steps_within(float(np.abs(speed.edges).max()) * interval, cell)
     transport = alternating_directions(grid, target.motion.velocity_noise, interval, substeps)
     return Detectors(GridFilter(grid, target, transport), place, fineness)
 

@@ -67,7 +67,7 @@ class Hypotheses(eqx.Module):
         new: Bool[Array, " target"],
         log_odds: Float[Array, ""],
         beams: Int[Array, "array target"],
-        margin: float = 1.0,
+        margin: int,
     ) -> "Hypotheses":
         """With a target that is in no set yet.
 
@@ -75,11 +75,13 @@ class Hypotheses(eqx.Module):
         ----------
         new : which target it is.
         log_odds : natural log of the odds that it exists.
-        beams : of every target.
-        margin : beams up to which two are the same.
+        beams : of every target; -1 where an array does not hear it.
+        margin : beams apart that are taken for one.
         """
         members = jnp.concatenate([self.members, self.members | new])
-        occupied = jnp.sort(jnp.where(members[:, None], beams, jnp.iinfo(beams.dtype).max // 2), axis=2)
+        # What is not heard, and what is in no set, is far from any beam.
+        far = jnp.iinfo(beams.dtype).max // 4
+        occupied = jnp.sort(jnp.where(members[:, None], jnp.where(beams < 0, -far, beams), far), axis=2)
         before, after = jnp.split(occupied, 2)
         same = jnp.all(jnp.abs(after[:, None] - before) <= margin, axis=(2, 3))
         alone = self.log_weights + jax.nn.log_sigmoid(-log_odds)

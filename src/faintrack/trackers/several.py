@@ -12,6 +12,9 @@ explained without it, and it dies. So a target that has been handed over is tent
 when it has lasted for some scans and its existence is above a threshold, in spite of all other sets of tentative
 targets (`faintrack.trackers.hypotheses`). It is dropped when its existence falls below a lower one; a tentative one
 only if its slot may be needed.
+
+Where the surroundings of a region are watched, targets there are found, tentative, declared and explain energy like all
+others. They have a label as long as they are in the region.
 """
 
 import dataclasses
@@ -39,7 +42,7 @@ from faintrack.trackers.detectors import Detectors, around, hand_over, planar_de
 from faintrack.trackers.joint import Followed, JointTrackers
 
 OUTSIDE = -1
-"""Label of a target that is declared and has not been in the region."""
+"""Label of a target that has not been in the region since it was declared."""
 
 
 class Watching(eqx.Module):
@@ -50,7 +53,7 @@ class Watching(eqx.Module):
     beliefs : of the region's detectors, stacked, and of that of its surroundings where they are watched.
     followed : targets in hand.
     age : scans since the target in each slot was handed over.
-    label : of each slot; 0 where it is not declared, `OUTSIDE` where it is and never was in the region.
+    label : of each slot; 0 where it is not declared, `OUTSIDE` where it is and has not been in the region since.
     labels : given so far.
     scans : taken in so far.
     """
@@ -100,7 +103,7 @@ class SeveralTargetsTracker(eqx.Module):
     doubt : the same of a tentative one as long as a slot is free: its turn may come with a target that is found later.
     hold : scans that a target is tentative at least.
     margin : beams around those of a target that it explains.
-    outside : finds targets outside the region, which explain energy and are followed, but get no label there.
+    outside : watches the region and its surroundings; targets outside explain energy and are followed, without a label.
     """
 
     detectors: Detectors
@@ -167,7 +170,7 @@ class SeveralTargetsTracker(eqx.Module):
             left, states, log_odds = hand_over(
                 self.watches, beliefs, beams, self.margin, self.trackers.particles, for_hand_over
             )
-            return left, self.trackers.take(followed, states, log_odds, scan.stations)
+            return left, self.trackers.take(followed, states, log_odds, scan.stations, self.margin)
 
         wanted = found & ~jnp.all(kept)
         beliefs, followed = jax.lax.cond(wanted, taken, lambda *same: same, beliefs, followed)
@@ -243,6 +246,20 @@ def region_tracker(
     target = Target(None, PlanarMotion(velocity_noise), arrival_rate, departure_rate)
     watch = planar_detectors(x, y, detectors, cells, cell, speed, target, interval)
     outside = surrounding_detector(x, y, surroundings, cell, speed, target, interval) if surroundings > 0 else None
+    return assembled(watch, outside, target, likelihood, slots, particles, separate, **options)
+
+
+def assembled(
+    watch: Detectors,
+    outside: Detectors | None,
+    target: Target,
+    likelihood: BeamEnergies,
+    slots: int,
+    particles: int,
+    separate: bool = False,
+    **options: Any,
+) -> SeveralTargetsTracker:
+    """Tracker with these detectors, whose targets are followed as far as any of them watches; see `region_tracker`."""
     limits = (watch if outside is None else outside).limits
     trackers = JointTrackers(target, likelihood, limits, slots, particles, separate=separate)
     return SeveralTargetsTracker(watch, trackers, outside=outside, **options)
