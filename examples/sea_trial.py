@@ -50,8 +50,9 @@ OUTSIDE = (1500.0, 9000.0), (200.0, 9200.0)
 """From where to where the ship outside goes; m."""
 LEVEL, SPREAD = 3.0, 1.3
 """Mean and standard deviation of the energy of a beam with a ship; a ship between two beams is in neither in full."""
-BEAMS, CUTOFF = 181, 200.0
-"""Of an array; and distance from a ship beyond which a track is not at it, m: two deviations of two beams' crossing."""
+BEAMS = 181
+CUTOFF = 200.0
+"""Distance from a ship beyond which a track is not at it, m: two deviations of where two beams cross."""
 SETTLED = 60
 """Scans after which ships should be held."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")

@@ -22,20 +22,18 @@ STATIONS = Stations(jnp.array([0.0, -500.0]), jnp.array([-500.0, 0.0]), jnp.arra
 MODEL = BeamEnergies(FANS, 0.0, 1.0, 4.0, 1.0)
 SCANS = 40
 
-REGION = (-400.0, 400.0), (-400.0, 400.0)
-SPEED = Axis(-5.0, 2.5, 5)
-
 
 @functools.cache
 def tracker(slots: int = 4, surroundings: float = 0.0) -> SeveralTargetsTracker:
     """Two detectors of 9 x 16 cells of 50 m beside each other, velocities up to 5 m/s."""
     return region_tracker(
         MODEL,
-        *REGION,
+        x=(-400.0, 400.0),
+        y=(-400.0, 400.0),
         detectors=(2, 1),
         cells=(9, 16),
         cell=50.0,
-        speed=SPEED,
+        speed=Axis(-5.0, 2.5, 5),
         velocity_noise=0.2,
         interval=1.0,
         arrival_rate=1e-3,

@@ -15,7 +15,7 @@ from faintrack.targets.states import PlanarState
 from faintrack.trackers.beliefs import Beliefs
 from faintrack.trackers.detectors import around, hand_over, surrounding_detector, tiles
 from faintrack.trackers.several import bearing_tracker
-from tests.region import FANS, REGION, SPEED, STATIONS, tracker
+from tests.region import FANS, STATIONS, tracker
 from tests.tolerances import rounding
 
 detectors = tracker().detectors
@@ -70,7 +70,7 @@ def test_detectors_that_overlap_are_emptied_of_the_same_target() -> None:
 
 def test_detectors_of_two_kinds_are_emptied_of_the_same_target() -> None:
     """The surer kind hands over; the cell of the other in which the peak lies is empty after it."""
-    wide = surrounding_detector(*REGION, 400.0, 50.0, SPEED, detectors.filter.target, 1.0)
+    wide = surrounding_detector(detectors, 400.0, 1.0)
     start = wide.init(jax.random.key(0))
     at = FANS.beams(STATIONS, wide.points)
     before = peaked((0, 4, 8, 9.0)), Beliefs(None, start.log_weights, jnp.array([-9.0]), start.time)
@@ -82,7 +82,7 @@ def test_detectors_of_two_kinds_are_emptied_of_the_same_target() -> None:
 
 
 def test_surroundings_reach_as_far_as_they_are_told_to() -> None:
-    wide = surrounding_detector(*REGION, 400.0, 50.0, SPEED, detectors.filter.target, 1.0)
+    wide = surrounding_detector(detectors, 400.0, 1.0)
     axes = dict(wide.filter.grid.axes)
     assert (axes["x"].step, axes["x"].count, axes["y"].count, axes["vx"].count) == (200.0, 8, 8, 3)
     states = PlanarState(*(jnp.array(values) for values in ([-790.0, 790.0, 810.0], [790.0, -790.0, 0.0], 0.0, 0.0)))

@@ -40,7 +40,7 @@ def held(trackers: JointTrackers, places: list[tuple[float, float]], existence: 
     for number, ((x, y), q) in enumerate(zip(places, existence, strict=True)):
         off = spread * jax.random.normal(jax.random.key(number), (2, trackers.particles))
         states = PlanarState(x + off[0], y + off[1], *jnp.zeros((2, trackers.particles)))
-        followed = trackers.take(followed, states, jnp.array(math.log(q / (1 - q))), STATIONS)
+        followed = trackers.take(followed, states, jnp.array(math.log(q / (1 - q))), STATIONS, 1)
     return followed
 
 

@@ -67,7 +67,7 @@ def _update(
     for x in (0.3, 0.6):
         at = (x * places * cell, 0.4 * places * cell, 1.0, -1.0)
         states = PlanarState(*(value + jnp.linspace(-1.0, 1.0, sizes.followers) for value in at))
-        followed = tracker.trackers.take(followed, states, jnp.array(6.0), stations)
+        followed = tracker.trackers.take(followed, states, jnp.array(6.0), stations, tracker.margin)
     watching = dataclasses.replace(watching, followed=followed)
     timing = timed(lambda: tracker.steps(watching, scans, key), sizes.repeat_seconds).per(len(scans.time))
     weights = watching.beliefs[0].log_weights

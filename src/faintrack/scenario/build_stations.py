@@ -215,14 +215,14 @@ def build_detectors(
     watch = planar_detectors(*region, table.detectors, (cells[0], cells[1]), table.cell, speed, target, interval)
     if not table.surroundings:
         return watch, None
-    (across, along), slow = surrounding_cells(*region, table.surroundings, table.cell, table.speeds)
+    (across, along), slow = surrounding_cells(watch, table.surroundings)
     total += across * along * slow**2
     if total > LARGEST_CELLS:
         raise InputError(
             f"region.surroundings: with {table.surroundings:g} m around the region there are {total:,} cells, more "
             f"than {LARGEST_CELLS:,}; expected less, a larger cell, or fewer speeds."
         )
-    return watch, surrounding_detector(*region, table.surroundings, table.cell, speed, target, interval)
+    return watch, surrounding_detector(watch, table.surroundings, interval)
 
 
 def build_target(scenario: Scenario) -> Target:

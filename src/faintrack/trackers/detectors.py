@@ -275,46 +275,34 @@ def planar_detectors(
     return Detectors(GridFilter(grid, target, transport), place, fineness)
 
 
-def surrounding_detector(
-    x: tuple[float, float],
-    y: tuple[float, float],
-    width: float,
-    cell: float,
-    speed: Axis,
-    target: Target,
-    interval: float,
-) -> Detectors:
-    """One detector of what lies around a region, and of the region, with cells `WIDER` times as wide.
+def surrounding_detector(watch: Detectors, width: float, interval: float) -> Detectors:
+    """One detector of a region and of what lies around it, with cells `WIDER` times as wide.
 
     Parameters
     ----------
-    x, y : ends of the region, east and north; metres.
+    watch : detectors of the region, of `planar_detectors`.
     width : of the surroundings; metres.
-    cell, speed, target, interval : of the region's detectors; see `planar_detectors`.
+    interval : between scans; seconds.
     """
-    cells, speeds = surrounding_cells(x, y, width, cell, speed.count)
-    x, y = ((low - width, high + width) for low, high in (x, y))
-    slow = between(float(speed.edges[0]), float(speed.edges[-1]), speeds)
-    return planar_detectors(x, y, (1, 1), cells, WIDER * cell, slow, target, interval, WIDER)
+    axes = dict(watch.filter.grid.axes)
+    cells, speeds = surrounding_cells(watch, width)
+    x, y = ((low - width, high + width) for low, high in _ends(watch))
+    slow = between(float(axes["vx"].edges[0]), float(axes["vx"].edges[-1]), speeds)
+    return planar_detectors(x, y, (1, 1), cells, WIDER * axes["x"].step, slow, watch.filter.target, interval, WIDER)
 
 
-def surrounding_cells(
-    x: tuple[float, float], y: tuple[float, float], width: float, cell: float, speeds: int
-) -> tuple[tuple[int, int], int]:
-    """Cells along x and y of the detector of the surroundings, and along each axis of the velocity.
+def surrounding_cells(watch: Detectors, width: float) -> tuple[tuple[int, int], int]:
+    """Cells along x and y of the `surrounding_detector`, and along each axis of the velocity."""
+    axes = dict(watch.filter.grid.axes)
+    wide = WIDER * axes["x"].step
+    across, along = (math.ceil((high - low + 2 * width) / wide - 1e-9) for low, high in _ends(watch))
+    return (across, along), math.ceil(axes["vx"].count / 2)
 
-    Parameters
-    ----------
-    x, y, width, cell : see `surrounding_detector`.
-    speeds : cells along each axis of the velocity of the region's detectors.
 
-    Examples
-    --------
-    >>> surrounding_cells((0.0, 1000.0), (0.0, 500.0), 2000.0, 50.0, 7)
-    ((25, 23), 4)
-    """
-    across, along = (math.ceil((high - low + 2 * width) / (WIDER * cell) - 1e-9) for low, high in (x, y))
-    return (across, along), math.ceil(speeds / 2)
+def _ends(watch: Detectors) -> list[tuple[float, float]]:
+    """Ends of the detectors along x and y; metres."""
+    low, high = watch.limits
+    return [(float(getattr(low, name)), float(getattr(high, name))) for name in ("x", "y")]
 
 
 def tiles(

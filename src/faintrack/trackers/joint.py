@@ -170,7 +170,7 @@ class JointTrackers(eqx.Module):
         return Followed(dataclasses.replace(where, log_odds=log_odds), followed.active, joint, hypotheses)
 
     def take(
-        self, followed: Followed, states: Any, log_odds: Float[Array, ""], stations: Stations, same: int = 1
+        self, followed: Followed, states: Any, log_odds: Float[Array, ""], stations: Stations, margin: int
     ) -> Followed:
         """Put a target into the first free slot, of which there is one.
 
@@ -180,7 +180,7 @@ class JointTrackers(eqx.Module):
         states : of the new one, as many as there are particles.
         log_odds : natural log of the odds that it exists.
         stations : where the arrays are.
-        same : beams apart that are taken for one, see `Hypotheses.joined`.
+        margin : beams apart that are taken for one, see `Hypotheses.joined`.
         """
         mine = jnp.arange(self.slots) == jnp.argmin(followed.active)
         old = followed.beliefs
@@ -195,7 +195,7 @@ class JointTrackers(eqx.Module):
         joint = (followed.joint & ~mine[:, None] & ~mine[None, :]) | jnp.eye(self.slots, dtype=bool)
         beams = self.likelihood.fans.beams(stations, beliefs.each(mean))
         left = followed.hypotheses.settled(jnp.zeros_like(mine), ~followed.active)
-        hypotheses = left.joined(mine, log_odds, beams, same)
+        hypotheses = left.joined(mine, log_odds, beams, margin)
         return Followed(beliefs, followed.active | mine, joint, hypotheses)
 
     def middles(self, followed: Followed) -> Any:

@@ -143,9 +143,9 @@ class SeveralTargetsTracker(eqx.Module):
         declared = old | (kept & (age >= self.hold) & (followed.beliefs.existence >= self.declare))
         middles = self.trackers.middles(followed)
         inside = self.detectors.covers(middles) if self.outside is not None else jnp.array(True)
-        new = declared & inside & ~(old & (watching.label > 0))
-        label = jnp.where(old, watching.label, OUTSIDE)
-        label = jnp.where(declared, jnp.where(new, watching.labels + jnp.cumsum(new), label), 0).astype(jnp.int32)
+        before = jnp.where(old, watching.label, OUTSIDE)
+        new = declared & inside & (before == OUTSIDE)
+        label = jnp.where(declared, jnp.where(new, watching.labels + jnp.cumsum(new), before), 0).astype(jnp.int32)
 
         beams = [self.trackers.likelihood.fans.beams(scan.stations, watch.points) for watch in self.watches]
         beliefs = tuple(
@@ -245,7 +245,7 @@ def region_tracker(
     """
     target = Target(None, PlanarMotion(velocity_noise), arrival_rate, departure_rate)
     watch = planar_detectors(x, y, detectors, cells, cell, speed, target, interval)
-    outside = surrounding_detector(x, y, surroundings, cell, speed, target, interval) if surroundings > 0 else None
+    outside = surrounding_detector(watch, surroundings, interval) if surroundings > 0 else None
     return assembled(watch, outside, target, likelihood, slots, particles, separate, **options)
 
 

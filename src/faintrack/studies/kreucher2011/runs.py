@@ -160,7 +160,7 @@ def near_the_truth(
             spread,
             keys,
         )
-        followed = trackers.take(followed, cloud, jnp.asarray(SURE), scene.stations())
+        followed = trackers.take(followed, cloud, jnp.asarray(SURE), scene.stations(), tracker.margin)
 
     def step(followed: Followed, item: tuple[EnergyScan, PRNGKeyArray]) -> tuple[Followed, tuple[Array, ...]]:
         after = trackers.step(followed, item[0], followed.active, item[1])
