@@ -11,8 +11,6 @@ particles anew. Writes figures 8 to 15 of the first and the numbers of all:
 """
 
 import argparse
-import csv
-import datetime
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -28,6 +26,8 @@ from matplotlib.patches import Ellipse, Rectangle
 from scipy.signal import savgol_filter
 
 from faintrack.axis import between
+from faintrack.errors import InputError
+from faintrack.io.ais import read_ships
 from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.metrics.intervals import bootstrap_interval
 from faintrack.metrics.sets import gospa
@@ -71,17 +71,17 @@ class Ship(Source):
 
 def ais_paths(file: Path) -> list[np.ndarray]:
     """Places of the ships at whole seconds, shape (second, 2); smoothed, as reports are rounded."""
-    with file.open() as lines:
-        reports = [row for row in csv.DictReader(lines) if row["MMSI"] in {ship for ship, _, _ in SHIPS}]
+    ships = {ship.name: ship for ship in read_ships(file)}
     found = []
-    for ship, start, end in SHIPS:
-        mine = [row for row in reports if row["MMSI"] == ship]
-        when = np.array([datetime.datetime.fromisoformat(row["Time"]).timestamp() for row in mine])
-        east = np.radians([float(row["Longitude_degrees"]) for row in mine]) * np.cos(np.radians(50.8))
-        north = np.radians([float(row["Latitude_degrees"]) for row in mine])
-        order = np.argsort(when)
-        second = when[order[0]] + np.arange(SECONDS + 1)
-        track = np.stack([np.interp(second, when[order], part[order]) for part in (east, north)])
+    for name, start, end in SHIPS:
+        if name not in ships:
+            raise InputError(
+                f"{file}: there is no report of the ship {name}; expected those of both that are followed."
+            )
+        ship = ships[name]
+        north, east = np.radians(ship.places.T)
+        second = ship.times[0] + np.arange(SECONDS + 1)
+        track = np.stack([np.interp(second, ship.times, part) for part in (east * np.cos(np.radians(50.8)), north)])
         # Parabolas of 41 s, at the ends too: a ship does not begin by standing still.
         place = np.array([1, 1j]) @ savgol_filter(track, 41, 2)
         # Turned, scaled and moved, so that it goes from start to end.
@@ -144,7 +144,10 @@ def main() -> None:
     step = float(np.pi / (BEAMS - 1))
     fans = Fans((0.0, 0.0), (step, step), (BEAMS, BEAMS), (True, True))
     stations = Stations(jnp.array(STATIONS_X), jnp.zeros(2), jnp.radians(jnp.array(HEADING_DEG)))
-    inside = ais_paths(options.reports)
+    try:
+        inside = ais_paths(options.reports)
+    except InputError as error:
+        raise SystemExit(str(error)) from None
     outside = np.linspace(*OUTSIDE, SECONDS + 1)
     time = np.arange(SECONDS) + 0.5
     truth = np.array([np.stack([np.interp(time, np.arange(len(path)), each) for each in path.T], 1) for path in inside])
