@@ -22,12 +22,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief, mode
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief, mode
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import run
 from faintrack.filters.separable import separable
-from faintrack.grids import Grid
 from faintrack.likelihoods.cells import CellLikelihood, gaussian, gaussian_spread
 from faintrack.likelihoods.heavy_tails import student
 from faintrack.likelihoods.unknown_level import UnknownLevel

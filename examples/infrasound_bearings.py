@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from faintrack.bearings import from_columns
+from faintrack.data.bearings import from_columns
 from faintrack.io import read
+from faintrack.kinds.session import track
+from faintrack.kinds.session_bearings import track_bearings
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.array import sensor_array
-from faintrack.session import track
-from faintrack.session_bearings import track_bearings
 
 ARRAY = sensor_array(
     np.array([[-66.5, -44.5, 0.0], [-32.5, 77.8, 0.0], [88.2, -22.1, 0.0], [10.8, -11.1, 0.0]]), sound_speed=345.0

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from faintrack.data.recording import Recording, from_samples
 from faintrack.io import read
-from faintrack.recording import Recording, from_samples
+from faintrack.kinds.session import track, with_method
 from faintrack.scenario.model import Analysis, Scenario
 from faintrack.sensors.array import sensor_array
-from faintrack.session import track, with_method
 
 ARRAY = sensor_array(
     np.array([[-66.5, -44.5, 0.0], [-32.5, 77.8, 0.0], [88.2, -22.1, 0.0], [10.8, -11.1, 0.0]]), sound_speed=345.0

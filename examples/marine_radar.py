@@ -21,9 +21,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief, mean, update
-from faintrack.grids import Grid
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief, mean, update
+from faintrack.beliefs.grids import Grid
 from faintrack.likelihoods.cells import CellLikelihood, gaussian
 from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.sensors.cells import Cells, CellScan

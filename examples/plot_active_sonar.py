@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 
-from faintrack.belief import mode
+from faintrack.beliefs.belief import mode
 from faintrack.filters.run import run
 from faintrack.studies.aughenbaugh2010 import runs, scene
 from faintrack.targets.states import PlanarState

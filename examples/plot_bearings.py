@@ -9,10 +9,10 @@ knows which is which. One observer goes east at 10 m/s, another stands still; th
 import matplotlib.pyplot as plt
 import numpy as np
 
-from faintrack.bearings import from_columns
+from faintrack.data.bearings import from_columns
+from faintrack.kinds.session_bearings import track_bearings
 from faintrack.plots.bearings import draw_heard, draw_place
 from faintrack.scenario import Scenario
-from faintrack.session_bearings import track_bearings
 
 rng, seconds, appears = np.random.default_rng(3), 60, 15
 

@@ -20,8 +20,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from dim_aircraft import added_deviation, averaged, keep, tracker
+from faintrack.beliefs.grids import surface
 from faintrack.filters.run import run
-from faintrack.grids import surface
 from faintrack.sensors.cells import CellScan
 from faintrack.signal.background import Whitening
 

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import faintrack as ft
-from faintrack.recording import from_samples
+from faintrack.data.recording import from_samples
 from faintrack.sensors.array import line_array
 from faintrack.simulation.samples import Source, draw_samples
 

@@ -21,7 +21,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import faintrack as ft
-from faintrack.recording import from_samples
+from faintrack.data.recording import from_samples
 from faintrack.scenario import Scenario
 from faintrack.sensors.array import sensor_array
 from faintrack.simulation.samples import Source, draw_samples

@@ -15,7 +15,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.metrics.intervals import binomial_interval
 from faintrack.signal.clutter import ClutterTracker
 from sea_clutter import FIRST, FREQUENCY, INTERVAL, MIDDLE, followed, joined, models, read

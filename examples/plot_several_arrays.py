@@ -14,13 +14,13 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.data.sequence import from_frames
+from faintrack.kinds.session_stations import track_records
 from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.plots.stations import draw_detection, draw_heard, draw_map, draw_number
 from faintrack.scenario import Scenario
 from faintrack.sensors.stations import Fans, Stations
-from faintrack.sequence import from_frames
-from faintrack.session_stations import track_records
 from faintrack.simulation.energies import draw_energies
 from faintrack.targets.states import PlanarState
 

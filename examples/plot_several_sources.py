@@ -13,11 +13,11 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
+from faintrack.data.recording import from_samples
+from faintrack.kinds.session_stations import beamformed, track_records
 from faintrack.plots.stations import draw_detection, draw_heard, draw_number
-from faintrack.recording import from_samples
 from faintrack.scenario import Scenario
 from faintrack.sensors.array import line_array
-from faintrack.session_stations import beamformed, track_records
 from faintrack.simulation.samples import Source, draw_samples
 
 SECONDS, RATE, SNR_DB = 180.0, 4000.0, -27.0

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import run
 from faintrack.likelihoods.cells import CellLikelihood, rayleigh

@@ -30,12 +30,12 @@ from jaxtyping import Array, Float
 from scipy.optimize import brentq
 from scipy.special import digamma, gammainccinv, logit, ndtr, polygamma, spence
 
-from faintrack.axis import Axis, between
-from faintrack.belief import Belief, mode
+from faintrack.beliefs.axis import Axis, between
+from faintrack.beliefs.belief import Belief, mode
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import run
 from faintrack.filters.separable import separable
-from faintrack.grids import Grid
 from faintrack.likelihoods.clutter import ClutterLikelihood
 from faintrack.metrics.intervals import binomial_interval
 from faintrack.metrics.thresholds import counted_threshold

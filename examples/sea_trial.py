@@ -25,7 +25,7 @@ import numpy as np
 from matplotlib.patches import Ellipse, Rectangle
 from scipy.signal import savgol_filter
 
-from faintrack.axis import between
+from faintrack.beliefs.axis import between
 from faintrack.errors import InputError
 from faintrack.io.ais import read_ships
 from faintrack.likelihoods.beam_energies import BeamEnergies

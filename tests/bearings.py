@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from faintrack.bearings import Bearings, from_columns
+from faintrack.data.bearings import Bearings, from_columns
 from faintrack.scenario import Scenario
 
 SCANS, START, APPEARS = 60, 500.0, 15

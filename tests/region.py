@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.simulation.energies import draw_energies

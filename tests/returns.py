@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from faintrack.data.returns import Returns, from_columns
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
-from faintrack.returns import Returns, from_columns
 from faintrack.scenario import Scenario
 from faintrack.scenario.build_returns import build_sonar
 from faintrack.signal.pings import from_pings

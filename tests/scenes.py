@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack import belief as beliefs
-from faintrack.belief import Belief
+from faintrack.beliefs import belief as beliefs
+from faintrack.beliefs.belief import Belief
 from faintrack.filters import run as runs
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.likelihoods.lobe_width import LobeWidth, lobe_width_likelihood

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack.axis import Axis, between
-from faintrack.grids import Grid
+from faintrack.beliefs.axis import Axis, between
+from faintrack.beliefs.grids import Grid
 from faintrack.sensors.active import ActiveSonar, Ping, Pulse
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.targets.states import PlanarState

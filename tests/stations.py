@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.data.sequence import Sequence
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.stations import Fans, Stations
-from faintrack.sequence import Sequence
 from faintrack.targets.states import PlanarState
 
 LOUD = 3.0

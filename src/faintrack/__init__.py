@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from faintrack.errors import InputError
     from faintrack.io import read, read_array
-    from faintrack.session import follow, track
+    from faintrack.kinds.session import follow, track
 
 __all__ = ["InputError", "follow", "read", "read_array", "track"]
 
 _HOMES = {
     "InputError": "faintrack.errors",
-    "follow": "faintrack.session",
+    "follow": "faintrack.kinds.session",
     "read": "faintrack.io",
     "read_array": "faintrack.io",
-    "track": "faintrack.session",
+    "track": "faintrack.kinds.session",
 }
 
 

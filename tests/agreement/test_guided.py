@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.axis import Axis, between
-from faintrack.grids import Grid
+from faintrack.beliefs.axis import Axis, between
+from faintrack.beliefs.grids import Grid
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.sensors.active import ActiveSonar, Ping, Pulse

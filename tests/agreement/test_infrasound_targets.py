@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 from faintrack.io.stations import open_stations
-from faintrack.result_stations import each_target
+from faintrack.kinds.session_stations import track_records
+from faintrack.results.stations import each_target
 from faintrack.scenario.model import Scenario
-from faintrack.session_stations import track_records
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "infrasound_array"
 PLACES = ((-66.5, -44.5), (-32.5, 77.8), (88.2, -22.1), (10.8, -11.1))

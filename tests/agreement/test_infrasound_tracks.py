@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 from faintrack.io import read, read_array
-from faintrack.result import Result
-from faintrack.session import track
+from faintrack.kinds.session import track
+from faintrack.results.result import Result
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "infrasound_array"
 ARRAY = """

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.axis import between
+from faintrack.beliefs.axis import between
 from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.trackers.several import SeveralEstimate, bearing_tracker

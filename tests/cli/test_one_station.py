@@ -11,8 +11,8 @@ import xarray as xr
 from faintrack.errors import InputError
 from faintrack.io.results import read_result
 from faintrack.io.tracks import to_stonesoup
-from faintrack.result import Result
-from faintrack.result_stations import each_target
+from faintrack.results.result import Result
+from faintrack.results.stations import each_target
 from tests.cli.calling import call
 from tests.cli.test_bad_input import refuse
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.recording import from_samples
+from faintrack.data.recording import from_samples
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 from faintrack.sensors.beams import BeamScan
 from faintrack.signal.beamformer import Beamformer, beamformer

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief
 from faintrack.errors import InputError
 from faintrack.likelihoods.cells import (
     CellLikelihood,

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.likelihoods.cells import swerling1
 from faintrack.likelihoods.clutter import ClutterLikelihood, absolute, lomax
 from faintrack.sensors.cells import Cells, CellScan

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.axis import between
+from faintrack.beliefs.axis import between
 from faintrack.errors import InputError
 from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.sensors.stations import Fans

@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 from jax.extend.random import threefry_2x32
 
-from faintrack.draws import normal, normal_pairs, uniform, words
+from faintrack.numerics.draws import normal, normal_pairs, uniform, words
 from tests.tolerances import assert_mean
 
 COUNT = 100_001

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
 from faintrack.likelihoods.exceedances import NODES, ExceedanceLikelihood, edge_class
 from faintrack.sensors.active import ActiveSonar, Ping, Pulse, ping

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.belief import Belief, update
+from faintrack.beliefs.belief import Belief, update
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.existence_particle import ExistenceParticleFilter, OfPossible, PossibleState, of_target
 from faintrack.filters.run import run

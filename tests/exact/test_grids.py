@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.linalg import solve
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief, covariance, mean, standard_deviation
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief, covariance, mean, standard_deviation
+from faintrack.beliefs.grids import Grid, highest_density, marginal, refined_mode
 from faintrack.filters.grid import GridFilter, in_steps
 from faintrack.filters.run import run
 from faintrack.filters.separable import separable
-from faintrack.grids import Grid, highest_density, marginal, refined_mode
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import BearingState, PlanarState, RangeState
 from faintrack.targets.target import Target, rates

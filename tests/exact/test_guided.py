@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.belief import Belief, update
+from faintrack.beliefs.belief import Belief, update
 from faintrack.errors import InputError
 from faintrack.likelihoods.contacts import Together
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
 from faintrack.likelihoods.cells import CellLikelihood, gaussian, spill_over
 from faintrack.likelihoods.heavy_tails import student

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.data.records import LONGEST_GAP, ROWS, in_step
+from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
-from faintrack.records import LONGEST_GAP, ROWS, in_step
-from faintrack.sequence import Sequence
 
 
 def record(times, values=None, beams: int = 3, start_time: str | None = None, source: str = "a.npz") -> Sequence:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from faintrack.belief import Belief, covariance, mean
+from faintrack.beliefs.belief import Belief, covariance, mean
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import step
 from faintrack.targets.motion import PlanarMotion

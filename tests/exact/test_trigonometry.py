@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.trigonometry import arctan2, sine_cosine
+from faintrack.numerics.trigonometry import arctan2, sine_cosine
 
 
 def test_sine_and_cosine() -> None:

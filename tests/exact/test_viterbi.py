@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from faintrack.axis import Axis
 from faintrack.baselines.viterbi import Viterbi, follow
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.shifts import Shifts
-from faintrack.grids import Grid
 from faintrack.targets.states import RangeState
 from tests.tolerances import rounding
 

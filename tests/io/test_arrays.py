@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faintrack.data.recording import from_samples
 from faintrack.errors import InputError
 from faintrack.io import read, read_array
 from faintrack.io.arrays import array_toml, match_channels
-from faintrack.recording import from_samples
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 
 DATA = Path(__file__).parents[2].parent / "shared/data"

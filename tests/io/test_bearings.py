@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from faintrack.bearings import from_columns
+from faintrack.data.bearings import from_columns
 from faintrack.errors import InputError
 from faintrack.io import read_bearings, write_bearings
 

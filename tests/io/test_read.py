@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faintrack.data.recording import Recording
 from faintrack.io import read, write_recording
-from faintrack.recording import Recording
 
 DATA = Path(__file__).parents[2].parent / "shared/data"
 START = np.datetime64("2024-05-01T12:00:00", "ns")

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from faintrack.data.recording import from_samples
 from faintrack.io import results
 from faintrack.io.results import read_result, result_folder, write_result
-from faintrack.recording import from_samples
+from faintrack.kinds.session import track, track_blocks
 from faintrack.scenario import Scenario
 from faintrack.sensors.array import line_array
-from faintrack.session import track, track_blocks
 
 ARRAY = line_array(4, 1.0)
 RECORDING = from_samples(np.random.default_rng(0).normal(size=(6000, 4)), 1000.0)
@@ -21,7 +21,7 @@ RECORDING = from_samples(np.random.default_rng(0).normal(size=(6000, 4)), 1000.0
 def test_written_in_pieces_equals_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(results, "CHUNK", 4)
     scenario = Scenario()
-    monkeypatch.setattr("faintrack.session.LONGEST_BLOCK", 2)
+    monkeypatch.setattr("faintrack.kinds.session.LONGEST_BLOCK", 2)
     with result_folder(tmp_path / "out") as folder:
         write_result(folder, track_blocks(RECORDING, ARRAY, scenario), scenario, ARRAY)
     kept, held = read_result(tmp_path / "out"), track(RECORDING, ARRAY, scenario=scenario)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from faintrack.data.returns import from_columns, to_columns
 from faintrack.errors import InputError
 from faintrack.io import read_returns, write_returns
-from faintrack.returns import from_columns, to_columns
 from faintrack.scenario.build_returns import build_sonar
 from faintrack.signal.pings import from_pings, in_bins
 from tests.io.test_bad_input import sentence_about

@@ -13,7 +13,7 @@ import xarray as xr
 import zarr
 from PIL import Image
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
 from faintrack.io import read_sequence
 from faintrack.io.variables import open_npz

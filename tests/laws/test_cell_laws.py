@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.likelihoods.cells import CellLikelihood, gaussian, gaussian_spread, rayleigh, swerling0, swerling1
 from faintrack.sensors.cells import Cells, CellScan
 from faintrack.simulation.cells import draw_scans

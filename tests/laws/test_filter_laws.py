@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.belief import Belief, covariance, mean
+from faintrack.beliefs.belief import Belief, covariance, mean
 from faintrack.filters.run import run
 from faintrack.targets.motion import BearingMotion, Noise, PlanarMotion, piecewise_acceleration, white_acceleration
 from faintrack.targets.states import BearingState, PlanarState

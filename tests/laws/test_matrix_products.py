@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from jax.extend.core import ClosedJaxpr, Jaxpr
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.separable import separable
-from faintrack.grids import Grid
 from faintrack.likelihoods.contacts import Contact, GaussianContact
 from faintrack.studies.kreucher2011.triangulation import filtered
 from faintrack.studies.liu2013.runs import follow

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.belief import Belief, log_gain, update
+from faintrack.beliefs.belief import Belief, log_gain, update
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 from faintrack.sensors.beams import BeamGrid, steering
 from faintrack.signal.beamformer import beamformer

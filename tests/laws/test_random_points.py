@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.grids import Grid
 from faintrack.likelihoods.random_points import RandomPoints
 from faintrack.targets.states import PlanarState
 from tests.tolerances import assert_mean

@@ -5,12 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.axis import between
+from faintrack.beliefs.axis import between
+from faintrack.beliefs.grids import Grid, marginal
 from faintrack.errors import InputError
 from faintrack.filters.birth import Stationary, stationary
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import Separable, separable
-from faintrack.grids import Grid, marginal
 from faintrack.targets.motion import OrnsteinUhlenbeck
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target

@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief, covariance, mean, update
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief, covariance, mean, update
+from faintrack.beliefs.grids import Grid, surface
 from faintrack.errors import InputError
 from faintrack.filters.adi import alternating_directions
 from faintrack.filters.cell_particles import CellParticles
 from faintrack.filters.grid import GridFilter, Transport
 from faintrack.filters.separable import separable
 from faintrack.filters.shifts import Shifts
-from faintrack.grids import Grid, surface
 from faintrack.targets.motion import OrnsteinUhlenbeck, PlanarMotion
 from faintrack.targets.states import PlanarState, RangeState
 from faintrack.targets.target import Target

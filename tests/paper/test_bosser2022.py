@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array, PRNGKeyArray
 
-from faintrack.belief import mean
+from faintrack.beliefs.belief import mean
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import run
 from faintrack.likelihoods.white_signal import WhiteSignal

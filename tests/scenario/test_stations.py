@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.data.records import in_step
 from faintrack.errors import InputError
-from faintrack.records import in_step
 from faintrack.scenario.array import problem
 from faintrack.scenario.build_stations import (
     build_detectors,

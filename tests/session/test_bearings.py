@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from faintrack.bearings import Bearings, to_columns
+from faintrack.data.bearings import Bearings, to_columns
 from faintrack.errors import InputError
 from faintrack.io import read_bearings, write_bearings
 from faintrack.io.results import read_result
+from faintrack.kinds.session_bearings import track_bearing_blocks, track_bearings
 from faintrack.plots.bearings import draw_bearings
-from faintrack.result import Result, joined
-from faintrack.session_bearings import track_bearing_blocks, track_bearings
+from faintrack.results.result import Result, joined
 from tests.bearings import APPEARS, SCANS, SCENARIO, START, columns, drawn, scenario, target
 from tests.cli.calling import call
 

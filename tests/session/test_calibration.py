@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from faintrack.calibration import Calibrated, calibrate
 from faintrack.errors import InputError
+from faintrack.kinds.calibration import Calibrated, calibrate
 from faintrack.scenario import Scenario
 from faintrack.scenario.model import Analysis, FilterTable, LikelihoodTable, TargetTable, TrackerTable
 from faintrack.sensors.array import line_array

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from faintrack.data.recording import Recording, from_samples
 from faintrack.errors import InputError
-from faintrack.recording import Recording, from_samples
+from faintrack.kinds.session import follow, track
 from faintrack.scenario import Scenario
 from faintrack.scenario.model import LikelihoodTable
 from faintrack.sensors.array import line_array, sensor_array
-from faintrack.session import follow, track
 from faintrack.simulation.samples import Source, draw_samples
 
 ARRAY = line_array(8, 0.75)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.data.sequence import Sequence, from_frames
 from faintrack.errors import InputError
 from faintrack.io.results import read_result, result_folder, write_result
-from faintrack.result import joined
+from faintrack.kinds.session_frames import track_frame_blocks, track_frames
+from faintrack.results.result import joined
 from faintrack.scenario import Scenario
-from faintrack.sequence import Sequence, from_frames
-from faintrack.session_frames import track_frame_blocks, track_frames
 
 APPEARS, COUNT, SNR = 12, 40, 6.0
 """Frame in which the target appears; number of frames; its mean power over that of the noise in each, 7.8 dB."""

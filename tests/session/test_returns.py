@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from faintrack.data.returns import Returns, from_columns, to_columns
 from faintrack.errors import InputError
 from faintrack.io import read_returns, write_returns
 from faintrack.io.results import read_result
+from faintrack.kinds.session_returns import track_ping_blocks, track_returns
 from faintrack.plots.returns import draw_returns
-from faintrack.result import Result, joined
-from faintrack.returns import Returns, from_columns, to_columns
-from faintrack.session_returns import track_ping_blocks, track_returns
+from faintrack.results.result import Result, joined
 from tests.cli.calling import call
 from tests.returns import EAST, INTERVAL, NORTH, PINGS, SCENARIO, START, VELOCITY, columns, drawn, scenario
 

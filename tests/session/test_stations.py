@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from faintrack.data.recording import from_samples
+from faintrack.data.records import in_step
 from faintrack.errors import InputError
 from faintrack.io.results import read_result, result_folder, write_result
 from faintrack.io.tracks import to_stonesoup, write_geojson
+from faintrack.kinds.session_stations import beamformed, track_record_blocks, track_records
+from faintrack.kinds.truth_ships import Ship, beside, ships_dataset, sightings, unexplained
 from faintrack.plots.report import report
-from faintrack.recording import from_samples
-from faintrack.records import in_step
-from faintrack.result import Result
-from faintrack.result_stations import each_target
+from faintrack.results.result import Result
+from faintrack.results.stations import each_target
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.array import line_array
-from faintrack.session_stations import beamformed, track_record_blocks, track_records
-from faintrack.truth_ships import Ship, beside, ships_dataset, sightings, unexplained
 from tests.stations import distance, place, record, records, scenario, tree_equal
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.data.sequence import Sequence
+from faintrack.kinds.session_stations import track_record_blocks
 from faintrack.scenario.model import Scenario
-from faintrack.sequence import Sequence
-from faintrack.session_stations import track_record_blocks
 
 DAY, PLACES, STEP_DEG = 86_400, (-200.0, 400.0), 3.0
 LEVEL, SPEED, NORTH, RADIUS = 3.0, 2.0, 600.0, 300.0

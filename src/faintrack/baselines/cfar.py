@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.signal.beamformer import Beamformer

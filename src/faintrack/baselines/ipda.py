@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from faintrack.baselines.pda import Association, Gaussian, merged
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 
 
 class Presumed(eqx.Module):

@@ -8,7 +8,7 @@ covariance S of the innovation, detection i is the target's, or none is, with th
     \beta_i = \frac{P_D\, N(z_i; \hat z, S) / \lambda}{I}, \quad \beta_0 = \frac{1 - P_D}{I}, \qquad
     I = 1 - P_D + \frac{P_D}{\lambda} \sum_i N(z_i; \hat z, S)
 
-(Bar-Shalom and Tse 1975). I is the mean likelihood ratio of the scan, the evidence that `faintrack.belief.update` has
+(Bar-Shalom and Tse 1975). I is the mean likelihood ratio of the scan, the evidence that `faintrack.beliefs.belief.update` has
 from points. The mixture over i is replaced by one Gaussian with its mean and covariance. There is no gate: what is far
 off has a weight of nothing.
 
@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 
 Measure = Callable[[Array], Array]
 """Function of a state to what would be measured of it, without noise."""

@@ -21,10 +21,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from faintrack.belief import Belief, mode
+from faintrack.beliefs.belief import Belief, mode
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.run import Likelihood
 from faintrack.filters.shifts import Shifts
-from faintrack.grids import Grid
 
 
 class Viterbi(eqx.Module):

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from faintrack.belief import Belief
+from faintrack.beliefs.belief import Belief
 from faintrack.bench.machine import Machine
 from faintrack.bench.rows import Row, timed
 from faintrack.bench.sizes import Sizes

@@ -12,14 +12,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.grids import Grid
 from faintrack.bench.machine import Machine
 from faintrack.bench.rows import Row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.adi import alternating_directions
 from faintrack.filters.grid import Transport
 from faintrack.filters.separable import separable
-from faintrack.grids import Grid
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from faintrack.bench.rows import timed
-from faintrack.draws import normal_pairs
+from faintrack.numerics.draws import normal_pairs
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from faintrack.belief import Belief
+from faintrack.beliefs.belief import Belief
 from faintrack.bench.machine import Machine, beam_operations
 from faintrack.bench.rows import Row, Timing, timed
 from faintrack.bench.sizes import Sizes

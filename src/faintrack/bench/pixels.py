@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.bench.machine import Machine
 from faintrack.bench.rows import Row, timed
 from faintrack.bench.sizes import Sizes

@@ -5,11 +5,11 @@ import numpy as np
 from faintrack.bench.machine import Machine, beam_operations
 from faintrack.bench.rows import Row, timed
 from faintrack.bench.sizes import Sizes
-from faintrack.recording import from_samples
+from faintrack.data.recording import from_samples
+from faintrack.kinds.session import track
 from faintrack.scenario.build import build_beamformer
 from faintrack.scenario.model import Analysis, FilterTable, Scenario
 from faintrack.sensors.array import line_array
-from faintrack.session import track
 
 SAMPLE_RATE = 4000.0
 """Hz."""

@@ -12,7 +12,7 @@ from faintrack.bench.sizes import Sizes
 
 TENET = """
 import jax, jax.numpy as jnp
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import run
 from faintrack.likelihoods.cells import CellLikelihood, rayleigh

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import xarray as xr
 
-from faintrack.bearings import Bearings
-from faintrack.calibration import Calibrated, calibrate
 from faintrack.cli.progress import progress, progress_bar
+from faintrack.data.bearings import Bearings
+from faintrack.data.recording import Recording
+from faintrack.data.returns import Returns
+from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError, naming
 from faintrack.io import read_array, read_sequence, write_recording
 from faintrack.io.ais import read_ships
@@ -15,23 +17,21 @@ from faintrack.io.results import read_result, result_folder, write_result
 from faintrack.io.returns import holds_returns
 from faintrack.io.sequences import holds_frames
 from faintrack.io.stations import located, open_stations
+from faintrack.kinds.calibration import Calibrated, calibrate
+from faintrack.kinds.session import collect, track_blocks, with_analysis, with_method
+from faintrack.kinds.session_bearings import track_bearing_blocks
+from faintrack.kinds.session_frames import track_frame_blocks, with_frames
+from faintrack.kinds.session_returns import track_ping_blocks
+from faintrack.kinds.session_stations import put_together, track_record_blocks
+from faintrack.kinds.truth_ships import beside, ships_dataset
 from faintrack.plots.report import write_report
-from faintrack.recording import Recording
-from faintrack.result import Result
-from faintrack.returns import Returns
+from faintrack.results.result import Result
 from faintrack.scenario import read as read_scenario
 from faintrack.scenario.array import build
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.simulate import simulated_samples
 from faintrack.sensors.array import SensorArray
-from faintrack.sequence import Sequence
-from faintrack.session import collect, track_blocks, with_analysis, with_method
-from faintrack.session_bearings import track_bearing_blocks
-from faintrack.session_frames import track_frame_blocks, with_frames
-from faintrack.session_returns import track_ping_blocks
-from faintrack.session_stations import put_together, track_record_blocks
 from faintrack.studies.running import keep_compilations
-from faintrack.truth_ships import beside, ships_dataset
 
 
 def scenario_and_array(

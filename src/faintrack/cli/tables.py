@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from faintrack.result import Result, position_units
+from faintrack.kinds.truth import false_tracks, findings, main_lobe_deg
+from faintrack.kinds.truth_ships import sightings, unexplained
+from faintrack.results.result import Result, position_units
 from faintrack.scenario.simulate import sources_of
-from faintrack.truth import false_tracks, findings, main_lobe_deg
-from faintrack.truth_ships import sightings, unexplained
 
 if TYPE_CHECKING:
     from faintrack.bench import Row

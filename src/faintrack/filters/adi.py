@@ -39,9 +39,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.grid import Advance, Tabled, in_steps, left_the_grid
-from faintrack.grids import Grid
 
 NEGLIGIBLE = 1e-6
 """Share of a weight that is not carried to neighbours far away, but to the near ones in proportion."""

@@ -7,7 +7,7 @@ Prediction mixes the survivors with newborn targets (bosser2022, eq. 1):
     s'(x) = \frac{p_b (1 - q)}{q'} b(x) + \frac{p_s q}{q'} \int f(x|x') s(x') dx'
 
 with the survivors resampled and moved, and the newborn drawn from the birth density afresh. The measurement enters by
-`faintrack.belief.update`, the same for every filter.
+`faintrack.beliefs.belief.update`, the same for every filter.
 
 In continuous time a target may also leave and another appear within one interval (`Target.replacement`); that part of
 :math:`p_s q` belongs to the newborn.
@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from faintrack.belief import Belief
+from faintrack.beliefs.belief import Belief
 from faintrack.filters.resampling import systematic
 from faintrack.targets.target import Target
 

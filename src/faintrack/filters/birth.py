@@ -55,9 +55,9 @@ def stationary(transport: Separable, existence: float) -> Stationary:
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.filters.separable import separable
-    >>> from faintrack.grids import Grid
+    >>> from faintrack.beliefs.grids import Grid
     >>> from faintrack.targets.motion import PlanarMotion
     >>> from faintrack.targets.states import RangeState
     >>> grid = Grid(RangeState, (("range", Axis(0.0, 1.0, 4)), ("range_rate", Axis(-1.0, 2.0, 2))))

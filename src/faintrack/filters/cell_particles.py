@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.grid import Advance, in_steps
-from faintrack.grids import Grid
 from faintrack.targets.target import Motion
 
 

@@ -11,7 +11,7 @@ are existence (eq. 15) and effective number (eq. 17); where this falls below a s
 anew, with probabilities like their weights.
 
 It is a belief about something that is there for certain, a truth with or without a target (`PossibleState`), so that
-`faintrack.belief.update` takes in its scans too; the mean ratio over it is the gain :math:`1 - q + q I` of a scan, and
+`faintrack.beliefs.belief.update` takes in its scans too; the mean ratio over it is the gain :math:`1 - q + q I` of a scan, and
 `of_target` reads off it what the package believes elsewhere. Use `faintrack.filters.bernoulli_particle` instead: it
 estimates the same existence without drawing the bit, and so with less variance for as many particles.
 """
@@ -23,11 +23,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.belief import Belief
-from faintrack.draws import uniform
+from faintrack.beliefs.belief import Belief
 from faintrack.filters.bernoulli_particle import Resample
 from faintrack.filters.resampling import systematic
 from faintrack.filters.run import Likelihood
+from faintrack.numerics.draws import uniform
 from faintrack.targets.target import Target
 
 

@@ -32,8 +32,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.belief import Belief
-from faintrack.grids import Grid
+from faintrack.beliefs.belief import Belief
+from faintrack.beliefs.grids import Grid
 from faintrack.targets.target import Target
 
 Advance = Callable[[Array, Array], tuple[Array, Array]]

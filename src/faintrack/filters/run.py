@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.belief import Belief, update
+from faintrack.beliefs.belief import Belief, update
 from faintrack.filters.guide import guide
 from faintrack.targets.target import Target
 

@@ -28,10 +28,10 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 from scipy.special import ndtr
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.grid import Advance, Tabled, in_steps, left_the_grid
-from faintrack.grids import Grid
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.targets.motion import Step
 
 POINTS = 64

@@ -23,8 +23,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.grids import Grid
 
 
 class Shifts(eqx.Module):

@@ -22,7 +22,7 @@ import numpy as np
 
 from faintrack.errors import InputError
 from faintrack.io.checks import explained, number, require_file, utc
-from faintrack.truth_ships import Ship
+from faintrack.kinds.truth_ships import Ship
 
 COLUMNS = {
     "time": ("time",),

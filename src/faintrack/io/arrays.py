@@ -9,9 +9,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError, naming
 from faintrack.io.checks import explained, require_file
-from faintrack.recording import Recording
 from faintrack.scenario.array import ArrayDescription, build, describe, problem
 from faintrack.scenario.model import to_toml
 from faintrack.sensors.array import SensorArray
@@ -73,7 +73,7 @@ def match_channels(array: SensorArray, recording: Recording) -> SensorArray:
     Examples
     --------
     >>> import numpy as np
-    >>> from faintrack.recording import from_samples
+    >>> from faintrack.data.recording import from_samples
     >>> from faintrack.sensors.array import sensor_array
     >>> array = sensor_array(np.array([[0, 0], [0, 2]]), channel_names=("south", "north"))
     >>> turned = match_channels(array, from_samples(np.zeros((9, 2)), 100.0, ("north", "south")))

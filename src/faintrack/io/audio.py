@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError
 from faintrack.io.checks import explained, require_file
-from faintrack.recording import Recording
 
 # A writer that does not know the length beforehand (a pipe) leaves one of these in the header.
 _UNKNOWN_SIZES = (0, 0xFFFFFFFF)

@@ -1,7 +1,7 @@
 """Sets of bearings as files: CSV, or Zarr in xarray's way.
 
 What `faintrack.io.returns` is for an active sonar this is for passive ones. Both kinds of file have the columns of
-`faintrack.bearings.from_columns`, a row for every bearing and one without a bearing for an observer that heard nothing:
+`faintrack.data.bearings.from_columns`, a row for every bearing and one without a bearing for an observer that heard nothing:
 
 .. code-block:: text
 
@@ -17,7 +17,7 @@ with one axis, `row`, and a missing value is not a number.
 
 from pathlib import Path
 
-from faintrack.bearings import Bearings, from_columns, require_names, to_columns
+from faintrack.data.bearings import Bearings, from_columns, require_names, to_columns
 from faintrack.io.columns import read_table, write_table
 
 
@@ -35,7 +35,7 @@ def read_bearings(path: str | Path) -> Bearings:
     Raises
     ------
     InputError : the file is missing, unknown, damaged or empty; its columns are not those of bearings; a value is not
-        what it has to be, see `faintrack.bearings.from_columns`.
+        what it has to be, see `faintrack.data.bearings.from_columns`.
 
     Examples
     --------

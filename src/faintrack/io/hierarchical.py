@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError
 from faintrack.io.checks import as_float, explained, require_file, require_numeric, utc
-from faintrack.recording import Recording
 
 HDF5_RATE = "sample_freq"
 ZARR_RATE = "sample_rate"

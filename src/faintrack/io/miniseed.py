@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError
 from faintrack.io.checks import explained, require_file, samples_between
 from faintrack.io.seismic import obspy_module, utc_of
-from faintrack.recording import Recording
 
 # Bytes that are decoded at a time: small against memory, large against the cost of one call of ObsPy (1 ms).
 # Records are a power of two long and no longer than this, so a piece ends where a record ends.

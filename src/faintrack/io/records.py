@@ -28,11 +28,11 @@ from pathlib import Path
 
 import numpy as np
 
+from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError, naming
 from faintrack.io.checks import explained, number, require_file
 from faintrack.io.sequences import evenly_spaced, read_sequence
 from faintrack.io.variables import Variable, open_hdf5, open_npz, open_zarr
-from faintrack.sequence import Sequence
 
 READERS = {".npz": open_npz, ".h5": open_hdf5, ".hdf5": open_hdf5, ".zarr": open_zarr}
 ENERGY = "energy"

@@ -27,11 +27,11 @@ import zarr
 
 from faintrack.errors import InputError
 from faintrack.io.tracks import write_geojson, write_positions
-from faintrack.result import Result, track_fields, tracks_of
+from faintrack.results.result import Result, track_fields, tracks_of
+from faintrack.results.tracks import BearingTrack, PositionTrack
 from faintrack.scenario.array import build, describe
 from faintrack.scenario.model import Scenario, read, to_toml
 from faintrack.sensors.array import SensorArray
-from faintrack.tracks import BearingTrack, PositionTrack
 
 CHUNK = 512
 """Frames written at a time, and in one chunk of the store."""
@@ -84,8 +84,8 @@ def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario,
     Parameters
     ----------
     folder : that exists and is empty.
-    blocks : consecutive frames; see `faintrack.session.track_blocks` and, for those without a time axis, which are
-        added as they are, `faintrack.session_frames.track_frame_blocks`.
+    blocks : consecutive frames; see `faintrack.kinds.session.track_blocks` and, for those without a time axis, which are
+        added as they are, `faintrack.kinds.session_frames.track_frame_blocks`.
     scenario, array : what was run; no array for frames, returns and bearings.
     """
     start = clock.perf_counter()

@@ -1,7 +1,7 @@
 """Returns of an active sonar as files: CSV, or Zarr in xarray's way.
 
 What `faintrack.io.recordings` is for samples this is for returns. Both kinds of file have the columns of
-`faintrack.returns.from_columns`, a row for every return and one with its time alone for a ping without any:
+`faintrack.data.returns.from_columns`, a row for every return and one with its time alone for a ping without any:
 
 .. code-block:: text
 
@@ -17,8 +17,8 @@ with one axis, `return`, and a missing value is not a number.
 
 from pathlib import Path
 
+from faintrack.data.returns import Returns, from_columns, require_names, to_columns
 from faintrack.io.columns import read_table, write_table
-from faintrack.returns import Returns, from_columns, require_names, to_columns
 
 
 def read_returns(path: str | Path) -> Returns:
@@ -35,7 +35,7 @@ def read_returns(path: str | Path) -> Returns:
     Raises
     ------
     InputError : the file is missing, unknown, damaged or empty; its columns are not those of returns; a value is not
-        what it has to be, see `faintrack.returns.from_columns`.
+        what it has to be, see `faintrack.data.returns.from_columns`.
 
     Examples
     --------

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError
 from faintrack.io.checks import as_float, explained, require_file
-from faintrack.recording import Recording
 
 _SAC_HEADER_BYTES = 632
 # Which of network, station, location and channel code are tried, shortest first.

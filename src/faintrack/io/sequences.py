@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError, naming
 from faintrack.io.checks import as_float, require_numeric, utc
 from faintrack.io.images import open_folder, open_tiff
 from faintrack.io.variables import Variable, open_hdf5, open_mat, open_npz, open_zarr
-from faintrack.sequence import Sequence
 
 READERS: dict[str, Callable[[Path], dict[str, Variable]]] = {
     ".npz": open_npz,

@@ -18,17 +18,17 @@ from pathlib import Path
 
 import numpy as np
 
-from faintrack import sequence
+from faintrack.data import sequence
 from faintrack.errors import InputError, naming
 from faintrack.io.arrays import match_channels
 from faintrack.io.columns import read_columns
 from faintrack.io.recordings import read
 from faintrack.io.records import holds_record, read_record
+from faintrack.kinds.session_stations import beamformed
 from faintrack.scenario.array import build
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.stations import StationTable
 from faintrack.sensors.array import SensorArray
-from faintrack.session_stations import beamformed
 
 PLACES = {"x_m": ("x_m", "y_m"), "latitude_deg": ("latitude_deg", "longitude_deg")}
 """Columns of a path by the first of them."""
@@ -36,7 +36,7 @@ PLACES = {"x_m": ("x_m", "y_m"), "latitude_deg": ("latitude_deg", "longitude_deg
 
 @dataclass(frozen=True)
 class Inputs:
-    """What is tracked in, as `faintrack.session_stations.track_records` takes it.
+    """What is tracked in, as `faintrack.kinds.session_stations.track_records` takes it.
 
     Attributes
     ----------

@@ -16,8 +16,8 @@ import numpy as np
 import xarray as xr
 
 from faintrack.errors import InputError
-from faintrack.result import Result, tracks_of
-from faintrack.result_stations import COMPONENTS, each_target
+from faintrack.results.result import Result, tracks_of
+from faintrack.results.stations import COMPONENTS, each_target
 
 POSITIONS = ("label", "time_s", "x_m", "y_m", "vx", "vy", "x_std_m", "y_std_m", "xy_covariance_m2", "existence")
 BEARINGS = ("label", "time_s", "bearing_deg", "bearing_std_deg", "bearing_rate_deg", "existence")

@@ -41,7 +41,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.errors import InputError
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.stations import EnergyScan, Fans
 
 Level = Float[Array, " array"] | Float[np.ndarray, " array"] | float

@@ -28,8 +28,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from faintrack.numerics.trigonometry import arctan2
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
-from faintrack.trigonometry import arctan2
 
 
 class BearingSetLikelihood(eqx.Module):

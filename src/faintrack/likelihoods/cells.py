@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
 from faintrack.sensors.cells import Cells, CellScan
 

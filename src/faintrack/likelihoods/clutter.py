@@ -78,7 +78,7 @@ class ClutterLikelihood(eqx.Module):
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.targets.states import RangeState
     >>> likelihood = ClutterLikelihood(Cells((("range", Axis(0.0, 1.0, 3)),)), 1.0)
     >>> level = Level(jnp.full(3, 4.0), jnp.full(3, 8.0))

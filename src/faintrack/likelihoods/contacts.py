@@ -17,9 +17,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
+from faintrack.numerics.trigonometry import arctan2
 from faintrack.targets.states import PlanarState
-from faintrack.trigonometry import arctan2
 
 Position = tuple[float, float]
 Probability = Callable[[Array], Array]

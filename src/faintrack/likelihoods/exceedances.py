@@ -51,7 +51,7 @@ class ExceedanceLikelihood(eqx.Module):
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.sensors.active import Pulse, ping
     >>> from faintrack.sensors.bistatic import Bistatic, fixed
     >>> pair = Bistatic(fixed(0.0, 0.0), fixed(0.0, 0.0))

@@ -26,11 +26,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.grids import Grid
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood, quiet_bin, quiet_table
 from faintrack.likelihoods.mesh import Mesh
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
 
@@ -91,7 +91,7 @@ class Guided(eqx.Module):
     Examples
     --------
     >>> import math
-    >>> from faintrack.axis import Axis, between
+    >>> from faintrack.beliefs.axis import Axis, between
     >>> from faintrack.sensors.active import ActiveSonar, Pulse, ping
     >>> from faintrack.sensors.bistatic import fixed
     >>> from faintrack.targets.states import PlanarState

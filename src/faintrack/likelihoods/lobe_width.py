@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from faintrack.errors import InputError
 from faintrack.likelihoods.interpolation import bearing_neighbours, read
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
 

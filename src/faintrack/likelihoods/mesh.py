@@ -23,9 +23,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.grids import Grid
 from faintrack.likelihoods.exceedances import edge_class
 from faintrack.sensors.active import ActiveSonar
 from faintrack.sensors.bistatic import Bistatic

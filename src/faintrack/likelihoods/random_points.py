@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.grids import Grid
 
 
 class RandomPoints(eqx.Module):
@@ -33,7 +33,7 @@ class RandomPoints(eqx.Module):
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.likelihoods.cells import CellLikelihood, gaussian
     >>> from faintrack.sensors.cells import Cells, CellScan
     >>> from faintrack.targets.states import RangeState

@@ -32,7 +32,7 @@ class UnknownLevel(eqx.Module):
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.likelihoods.cells import gaussian
     >>> from faintrack.sensors.cells import Cells
     >>> from faintrack.targets.states import RangeState

@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.grids import Grid
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.sensors.active import ActiveSonar, Ping

@@ -27,7 +27,7 @@ class Within(eqx.Module):
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.likelihoods.cells import CellLikelihood, gaussian
     >>> from faintrack.sensors.cells import CellScan
     >>> from faintrack.targets.states import RangeState

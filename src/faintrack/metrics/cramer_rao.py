@@ -32,7 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.bearing_sets import BearingSensor
 
 NEAR = 8.0

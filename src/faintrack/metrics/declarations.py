@@ -18,9 +18,9 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from faintrack.belief import Belief
+from faintrack.beliefs.belief import Belief
+from faintrack.beliefs.grids import surface
 from faintrack.errors import InputError
-from faintrack.grids import surface
 
 IDEAL_RECEIVER = 0.0
 """Log of the odds beyond which a target is likelier there than not."""
@@ -77,7 +77,7 @@ def confidence(probability: float) -> float:
 
 
 def passes_peak(belief: Belief, threshold: float) -> Bool[Array, ""]:
-    """Whether the likelihood ratio surface exceeds a threshold anywhere; where, says `faintrack.belief.mode`.
+    """Whether the likelihood ratio surface exceeds a threshold anywhere; where, says `faintrack.beliefs.belief.mode`.
 
     Parameters
     ----------

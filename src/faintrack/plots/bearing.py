@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from faintrack.result import Result
+from faintrack.results.result import Result
 
 TRACK = "#D55E00"
 LINE = "#0072B2"

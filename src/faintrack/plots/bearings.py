@@ -7,7 +7,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from faintrack.plots.bearing import GREY, TRACK, draw_existence, each_track
-from faintrack.result import Result
+from faintrack.results.result import Result
 
 ELLIPSES = 12
 """Ellipses of a track on the map at most."""

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
 from faintrack.plots.bearing import COLUMNS, LINE, TRACK, draw_existence, each_track
-from faintrack.result import Result, positions
+from faintrack.results.result import Result, positions
 
 ACROSS = 4
 """Images side by side."""

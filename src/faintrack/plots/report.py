@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from faintrack.kinds.truth_ships import WITHIN_CELLS, sightings, unexplained
 from faintrack.plots.bearing import draw_result
 from faintrack.plots.bearings import draw_bearings
 from faintrack.plots.frames import draw_frames
 from faintrack.plots.returns import draw_returns
 from faintrack.plots.stations import DEVIATIONS, draw_records
-from faintrack.result import Result, position_units
+from faintrack.results.result import Result, position_units
 from faintrack.scenario import to_toml
 from faintrack.scenario.build_returns import expected_returns, sonar_axes
-from faintrack.truth_ships import WITHIN_CELLS, sightings, unexplained
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a;

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from faintrack.plots.bearing import GREY, LINE, TRACK, draw_existence, each_track
 from faintrack.plots.frames import ends
-from faintrack.result import Result
+from faintrack.results.result import Result
 from faintrack.scenario.build_returns import expected_returns, sonar_axes
 from faintrack.scenario.sonar import SonarTable
 from faintrack.sensors.bistatic import Bistatic, fixed

@@ -12,8 +12,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from faintrack.plots.bearing import COLUMNS, GREY, LINE, draw_record
-from faintrack.result import Result
-from faintrack.result_stations import each_target
+from faintrack.results.result import Result
+from faintrack.results.stations import each_target
 from faintrack.sensors.stations import Fans, Stations
 from faintrack.targets.states import PlanarState
 

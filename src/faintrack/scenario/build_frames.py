@@ -5,13 +5,14 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack.axis import Axis, between
+from faintrack.beliefs.axis import Axis, between
+from faintrack.beliefs.grids import Grid
+from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import Filter, Likelihood
 from faintrack.filters.separable import POINTS, separable
-from faintrack.grids import Grid
 from faintrack.likelihoods.cells import (
     Amplitude,
     CellLikelihood,
@@ -28,7 +29,6 @@ from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.likelihoods.within import Within
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.cells import Cells
-from faintrack.sequence import Sequence
 from faintrack.signal.background import Whitening
 from faintrack.signal.clutter import ClutterTracker
 from faintrack.signal.scans import Background, OverClutter, OverNoise, OverScene

@@ -5,14 +5,14 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack.axis import Axis, between
+from faintrack.beliefs.axis import Axis, between
+from faintrack.beliefs.grids import Grid
+from faintrack.data.returns import PLATFORMS, Returns
 from faintrack.errors import InputError
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import POINTS, separable
-from faintrack.grids import Grid
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
-from faintrack.returns import PLATFORMS, Returns
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.sonar import GridTable, SonarTable
 from faintrack.sensors.active import ActiveSonar, Pulse

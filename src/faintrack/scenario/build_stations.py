@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from faintrack.axis import Axis, between
+from faintrack.beliefs.axis import Axis, between
+from faintrack.data.records import InStep
 from faintrack.errors import InputError
 from faintrack.likelihoods.beam_energies import BeamEnergies
-from faintrack.records import InStep
 from faintrack.scenario.array import Pair
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.plane import Plane

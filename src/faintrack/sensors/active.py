@@ -30,10 +30,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
+from faintrack.numerics.trigonometry import sine_cosine
 from faintrack.sensors.bistatic import Bistatic
-from faintrack.trigonometry import sine_cosine
 
 Real = Float[Array, "..."]
 

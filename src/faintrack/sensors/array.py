@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from faintrack.errors import InputError
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 
 RealArray = Float[Array, "..."] | Float[np.ndarray, "..."]
 

@@ -19,8 +19,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from faintrack.numerics.trigonometry import arctan2
 from faintrack.targets.states import PlanarState
-from faintrack.trigonometry import arctan2
 
 Real = Float[Array, "..."]
 

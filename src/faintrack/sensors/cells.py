@@ -12,8 +12,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from faintrack.axis import Axis, Lattice
-from faintrack.belief import Belief
+from faintrack.beliefs.axis import Axis, Lattice
+from faintrack.beliefs.belief import Belief
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.errors import InputError
-from faintrack.trigonometry import arctan2
+from faintrack.numerics.trigonometry import arctan2
 
 TURN = 2 * np.pi
 

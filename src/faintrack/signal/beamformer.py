@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from faintrack.errors import InputError
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan, lobe_width
 

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from faintrack.bearings import Bearings
+from faintrack.data.bearings import Bearings
 from faintrack.errors import InputError
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
 from faintrack.targets.states import PlanarState
@@ -24,7 +24,7 @@ def in_sets(bearings: Bearings, sensor: BearingSensor, capacity: int) -> Observe
 
     Examples
     --------
-    >>> from faintrack.bearings import from_columns
+    >>> from faintrack.data.bearings import from_columns
     >>> heard = from_columns({
     ...     "time_s": [5.0, 5.0, 6.0], "bearing_deg": [90.0, 0.0, np.nan], "observer_x_m": [0.0, 0.0, 10.0],
     ...     "observer_y_m": [0.0, 0.0, 0.0],

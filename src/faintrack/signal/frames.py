@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from faintrack.recording import Recording
+from faintrack.data.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def frames(recording: Recording, length: int, block: int, dtype: type = np.float
 
     Examples
     --------
-    >>> from faintrack.recording import from_samples
+    >>> from faintrack.data.recording import from_samples
     >>> samples = np.arange(14.0).reshape(7, 2)
     >>> samples[3, 1] = np.nan
     >>> one, = frames(from_samples(samples, 1.0), length=3, block=8)
@@ -59,7 +59,7 @@ def framed(recording: Recording, length: int, first: int, number: int, dtype: ty
 
     Examples
     --------
-    >>> from faintrack.recording import from_samples
+    >>> from faintrack.data.recording import from_samples
     >>> framed(from_samples(np.zeros((70, 2)), 10.0), length=10, first=2, number=3).time.tolist()
     [2.5, 3.5, 4.5]
     """

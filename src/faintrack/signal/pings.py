@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from faintrack.data.returns import Returns
 from faintrack.errors import InputError
-from faintrack.returns import Returns
 from faintrack.sensors.active import ActiveSonar, Ping
 from faintrack.sensors.bistatic import Bistatic
 
@@ -128,7 +128,7 @@ def from_pings(pings: Ping, sonar: ActiveSonar, origin: str = "returns in memory
     Examples
     --------
     >>> import math
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.sensors.active import Pulse, ping
     >>> sonar = ActiveSonar(Pulse(2350.0, 1.0, 400.0), Axis(4.0, 0.5, 40), 72, math.radians(5), None)
     >>> heard = ping(sonar, 60.0, np.array([[10, 18, 0]]), np.array([20.0]), capacity=4)

@@ -75,7 +75,7 @@ def draw_scans(
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.sensors.cells import Cells
     >>> from faintrack.targets.states import RangeState
     >>> likelihood = CellLikelihood(Cells((("range", Axis(0.0, 1.0, 50)),)), swerling1, 1000.0)

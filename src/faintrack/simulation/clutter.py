@@ -110,7 +110,7 @@ def draw_scans(
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> from faintrack.targets.states import RangeState
     >>> cells, time = Cells((("range", Axis(0.0, 1.0, 40)),)), 0.2 * jnp.arange(3)
     >>> states = RangeState(jnp.array([10.0, 11.0, 12.0]), jnp.ones(3))

@@ -15,10 +15,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int, PRNGKeyArray
 
-from faintrack.draws import normal_pairs
+from faintrack.numerics.draws import normal_pairs
+from faintrack.numerics.trigonometry import sine_cosine
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid
-from faintrack.trigonometry import sine_cosine
 
 TakeIn = Callable[[Any, Int[Array, ""], Complex[Array, "snapshot frequency channel"]], tuple[Any, Any]]
 

@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.draws import normal, uniform
 from faintrack.errors import InputError
+from faintrack.numerics.draws import normal, uniform
 from faintrack.targets.states import PlanarState
 
 

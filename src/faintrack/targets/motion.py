@@ -20,7 +20,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.draws import normal
+from faintrack.numerics.draws import normal
 from faintrack.targets.states import BearingState
 
 Scalar = Float[Array, ""] | float

@@ -19,8 +19,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.draws import uniform
 from faintrack.errors import InputError
+from faintrack.numerics.draws import uniform
 
 Scalar = Float[Array, ""] | float
 

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
-from faintrack.belief import Belief
+from faintrack.beliefs.belief import Belief
 
 
 class Beliefs(eqx.Module):
@@ -16,7 +16,7 @@ class Beliefs(eqx.Module):
     Attributes
     ----------
     states : components with the belief first; None where the owner knows them.
-    log_weights, log_odds : as those of `faintrack.belief.Belief`, the belief first.
+    log_weights, log_odds : as those of `faintrack.beliefs.belief.Belief`, the belief first.
     time : of all; seconds.
     """
 

@@ -6,7 +6,7 @@ until it is found. All of them are one array and one compiled step; several devi
 
 When the probability of a detector crosses the threshold, its target is **handed over** to particles: the cells around
 the highest peak that fall into the same beams as the peak, or their neighbours, are drawn from, and are then empty. In
-Stone's terms the surface :math:`\Lambda(s)` of the detector (`faintrack.grids`) is cut in two,
+Stone's terms the surface :math:`\Lambda(s)` of the detector (`faintrack.beliefs.grids`) is cut in two,
 
 .. math::
     \frac{q_R}{1 - q_R} = \sum_{s \in R} \Lambda(s), \qquad \frac{q'}{1 - q'} = \sum_{s \notin R} \Lambda(s)
@@ -31,13 +31,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.axis import Axis, between
-from faintrack.belief import update
+from faintrack.beliefs.axis import Axis, between
+from faintrack.beliefs.belief import update
+from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
 from faintrack.filters.adi import alternating_directions, steps_within
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.resampling import systematic
-from faintrack.grids import Grid
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs

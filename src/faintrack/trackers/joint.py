@@ -13,7 +13,7 @@ With :math:`E_p` the members that exist in joint state p, drawn with their proba
         \frac{\sum_p w_p \, p(z \mid X_p, E_p \cup t)}{\sum_p w_p \, p(z \mid X_p, E_p \setminus t)}, \qquad
     w_{tp}' \propto w_p \, p(z \mid X_p, E_p \cup t)
 
-which is the one update of `faintrack.belief`, its log ratio less the log of the lower sum. Two trackers on one target
+which is the one update of `faintrack.beliefs.belief`, its log ratio less the log of the lower sum. Two trackers on one target
 have beams that are explained without them: their evidence falls below one, and one dies. A target that leaves the
 region of the detectors, or moves faster than they know, is gone. Members that exist for certain have equal weights, and
 so stay paired when they are resampled.
@@ -46,12 +46,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.belief import covariance, mean, update
-from faintrack.draws import normal, uniform
+from faintrack.beliefs.belief import covariance, mean, update
 from faintrack.filters.resampling import systematic
 from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, set_log_ratio
 from faintrack.likelihoods.within import REFUTED
-from faintrack.precision import full_precision
+from faintrack.numerics.draws import normal, uniform
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.stations import EnergyScan, Stations
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs

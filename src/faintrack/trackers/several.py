@@ -26,12 +26,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.axis import Axis
-from faintrack.belief import covariance
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import covariance
+from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
 from faintrack.filters.adi import alternating_directions, steps_within
 from faintrack.filters.grid import GridFilter
-from faintrack.grids import Grid
 from faintrack.likelihoods.beam_energies import BeamEnergies, in_beams, region_log_ratio
 from faintrack.sensors.stations import EnergyScan
 from faintrack.targets.motion import BearingMotion, PlanarMotion

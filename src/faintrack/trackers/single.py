@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.belief import Belief, mean, standard_deviation
+from faintrack.beliefs.belief import Belief, mean, standard_deviation
 from faintrack.filters.run import Filter, Likelihood, Proposal, step
 
 

@@ -9,15 +9,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief, mode
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief, mode
+from faintrack.beliefs.grids import Grid, marginal
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.birth import stationary
 from faintrack.filters.cell_particles import CellParticles
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import run
 from faintrack.filters.separable import Separable, separable
-from faintrack.grids import Grid, marginal
 from faintrack.likelihoods.guided import Guided
 from faintrack.likelihoods.random_points import RandomPoints
 from faintrack.likelihoods.unknown_snr import GuidedSnr

@@ -18,10 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
-from faintrack.axis import Axis, between
+from faintrack.beliefs.axis import Axis, between
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import separable
-from faintrack.grids import Grid
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.sensors.active import ActiveSonar, Ping, Pulse
 from faintrack.sensors.bistatic import Bistatic, fixed

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.baselines.cfar import calibrate, cell_averaging
 from faintrack.baselines.detect_and_track import DetectAndTrack
-from faintrack.belief import Belief, log_gain
+from faintrack.beliefs.belief import Belief, log_gain
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import Likelihood, step
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood

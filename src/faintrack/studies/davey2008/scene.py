@@ -33,14 +33,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.axis import Axis
 from faintrack.baselines.viterbi import Viterbi, follow
-from faintrack.belief import Belief, mean
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief, mean
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import run
 from faintrack.filters.shifts import Shifts
-from faintrack.grids import Grid
 from faintrack.likelihoods.cells import CellLikelihood, gaussian_spread, swerling0
 from faintrack.likelihoods.within import Within
 from faintrack.sensors.cells import Cells, CellScan

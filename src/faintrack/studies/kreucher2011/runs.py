@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
 from faintrack.sensors.stations import EnergyScan
 from faintrack.studies.kreucher2011 import scene
 from faintrack.studies.kreucher2011.triangulation import crossing, filtered, measured_bearings, true_bearings

@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.axis import Axis, between
+from faintrack.beliefs.axis import Axis, between
 from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.simulation.energies import draw_energies

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from faintrack.baselines.pda import Gaussian, extended
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.stations import EnergyScan, Stations
 from faintrack.studies.kreucher2011.scene import DEGREE, FANS, NOISE
 from faintrack.targets.motion import white_acceleration

@@ -21,13 +21,13 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from faintrack.baselines.imm_pda import ImmPda
 from faintrack.baselines.ipda import Ipda
 from faintrack.baselines.pda import Association, Gaussian, turned, unscented
-from faintrack.belief import Belief, mean
+from faintrack.beliefs.belief import Belief, mean
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.existence_particle import ExistenceParticleFilter, OfPossible, of_target
 from faintrack.filters.guide_bearings import along_bearings
 from faintrack.filters.run import Filter, Likelihood, step
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
-from faintrack.precision import full_precision
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
 from faintrack.simulation.bearing_sets import draw_bearing_set
 from faintrack.studies.liu2013 import scene

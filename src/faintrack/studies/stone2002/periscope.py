@@ -21,12 +21,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief
+from faintrack.beliefs.grids import Grid, marginal
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import step
 from faintrack.filters.shifts import Shifts
-from faintrack.grids import Grid, marginal
 from faintrack.likelihoods.clutter import ClutterLikelihood, absolute
 from faintrack.sensors.cells import Cells
 from faintrack.signal.clutter import ClutterScan, ClutterTracker

@@ -18,12 +18,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief
+from faintrack.beliefs.grids import Grid, surface
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import step
 from faintrack.filters.shifts import Shifts
-from faintrack.grids import Grid, surface
 from faintrack.likelihoods.cells import CellLikelihood, gaussian, spill_over
 from faintrack.sensors.cells import Cells, CellScan
 from faintrack.simulation.cells import draw_scans

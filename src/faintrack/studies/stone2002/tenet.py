@@ -26,13 +26,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.axis import Axis
-from faintrack.belief import Belief, mean, update
+from faintrack.beliefs.axis import Axis
+from faintrack.beliefs.belief import Belief, mean, update
+from faintrack.beliefs.grids import Grid
 from faintrack.filters.adi import alternating_directions
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import step
-from faintrack.grids import Grid
 from faintrack.likelihoods.cells import CellLikelihood, rayleigh
 from faintrack.sensors.cells import Cells, CellScan
 from faintrack.simulation.cells import draw_scans

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from faintrack.trigonometry import sine_cosine
+from faintrack.numerics.trigonometry import sine_cosine
 
 
 class Belief(eqx.Module):

@@ -1,6 +1,6 @@
 """Sets of bearings: what a detector of one or several observers reported, scan by scan, the target's among false ones.
 
-What `faintrack.returns` is for an active sonar this is for passive ones. `from_columns` makes them from named columns
+What `faintrack.data.returns` is for an active sonar this is for passive ones. `from_columns` makes them from named columns
 in the units of files; `faintrack.io.bearings` reads those. Observers that report at one time are one scan.
 """
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from faintrack.data.tables import require_columns, table
 from faintrack.errors import InputError
-from faintrack.tables import require_columns, table
 
 NEEDED = ("time_s", "bearing_deg", "observer_x_m", "observer_y_m")
 OBSERVER = "observer"
@@ -155,5 +155,5 @@ def to_columns(bearings: Bearings) -> dict[str, Float[np.ndarray, " row"]]:
 
 
 def require_names(names: Sequence[str], origin: str) -> None:
-    """Refuse names of columns that are not those of bearings, see `faintrack.tables.require_columns`."""
+    """Refuse names of columns that are not those of bearings, see `faintrack.data.tables.require_columns`."""
     require_columns(names, NEEDED, COLUMNS, origin)

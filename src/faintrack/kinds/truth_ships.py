@@ -14,8 +14,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from faintrack.data.records import InStep
 from faintrack.errors import InputError
-from faintrack.records import InStep
 from faintrack.scenario.build_stations import build_plane, build_region
 from faintrack.scenario.model import Scenario
 
@@ -82,7 +82,7 @@ def ships_dataset(ships: list[Ship], together: InStep, scenario: Scenario, origi
     Parameters
     ----------
     ships : that are known.
-    together, scenario : what is tracked in; see `faintrack.session_stations.put_together`.
+    together, scenario : what is tracked in; see `faintrack.kinds.session_stations.put_together`.
     origin : where the ships come from, for messages.
 
     Raises

@@ -2,8 +2,8 @@ r"""Grids of states, and what is read off a belief on one.
 
 A grid names its axes: :code:`Grid(RangeState, (("range", ...), ("range_rate", ...)))`. Its states are open meshes, so
 that a likelihood that reads only the range costs one evaluation for each range. A belief on it has one log weight a
-cell, takes in scans by the same `faintrack.belief.update` as particles, and knows the mean, covariance and mode of
-`faintrack.belief`. What only a grid can tell is here: the likelihood ratio surface, marginals, highest-density regions
+cell, takes in scans by the same `faintrack.beliefs.belief.update` as particles, and knows the mean, covariance and mode of
+`faintrack.beliefs.belief`. What only a grid can tell is here: the likelihood ratio surface, marginals, highest-density regions
 and the refinement of a peak between cells.
 
 Stone's target likelihood ratio (stone2002, eq. 11) and its logarithm are views of a belief:
@@ -24,11 +24,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.axis import Axis, Lattice
-from faintrack.belief import Belief
-from faintrack.draws import uniform
+from faintrack.beliefs.axis import Axis, Lattice
+from faintrack.beliefs.belief import Belief
 from faintrack.errors import InputError
-from faintrack.precision import full_precision
+from faintrack.numerics.draws import uniform
+from faintrack.numerics.precision import full_precision
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Bearing-time records of several arrays through detectors and trackers, block by block of scans.
 
-What `faintrack.session` is for one array this is for several. One compiled step serves every block, and the memory that
+What `faintrack.kinds.session` is for one array this is for several. One compiled step serves every block, and the memory that
 it takes does not grow with the length of the records. A recording becomes a record first (`beamformed`), whose rows are
 computed when they are asked for.
 """
@@ -16,12 +16,14 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from faintrack.axis import Axis
+from faintrack.beliefs.axis import Axis
+from faintrack.data.recording import Recording
+from faintrack.data.records import InStep, in_step
+from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError, naming
-from faintrack.recording import Recording
-from faintrack.records import InStep, in_step
-from faintrack.result import Result
-from faintrack.result_stations import scans_dataset
+from faintrack.kinds.session import collect, plan_frames
+from faintrack.results.result import Result
+from faintrack.results.stations import scans_dataset
 from faintrack.scenario.build_stations import (
     Path,
     build_fans,
@@ -33,8 +35,6 @@ from faintrack.scenario.model import Scenario
 from faintrack.scenario.stations import parse_utc
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.stations import EnergyScan, Stations
-from faintrack.sequence import Sequence
-from faintrack.session import collect, plan_frames
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies, standardised
 from faintrack.signal.frames import framed
@@ -114,11 +114,11 @@ def put_together(records: tuple[Sequence, ...], scenario: Scenario) -> InStep:
 
     Raises
     ------
-    InputError : as many records as stations are expected; see `faintrack.records.in_step`.
+    InputError : as many records as stations are expected; see `faintrack.data.records.in_step`.
 
     Examples
     --------
-    >>> from faintrack.sequence import from_frames
+    >>> from faintrack.data.sequence import from_frames
     >>> scenario = Scenario.model_validate({
     ...     "stations": [{"name": name, "x": 0.0, "y": 0.0, "heading_deg": 90.0} for name in ("south", "east")],
     ...     "region": {"x": [0, 1000], "y": [0, 1000], "cell": 50.0, "speed": 3.0},
@@ -162,7 +162,7 @@ def beamformed(recording: Recording, array: SensorArray, scenario: Scenario) -> 
 
     Examples
     --------
-    >>> from faintrack.recording import from_samples
+    >>> from faintrack.data.recording import from_samples
     >>> from faintrack.sensors.array import line_array
     >>> noise = np.random.default_rng(0).normal(size=(3500, 8))
     >>> record = beamformed(from_samples(noise, 1000.0), line_array(8, 1.0), Scenario())

@@ -1,6 +1,6 @@
 """Returns of an active sonar: the echoes of every ping that stood above a threshold, as they were measured.
 
-What `faintrack.recording` is for samples and `faintrack.sequence` for frames this is for returns. A few numbers say all
+What `faintrack.data.recording` is for samples and `faintrack.data.sequence` for frames this is for returns. A few numbers say all
 that is kept of a ping, so they are held in memory, forty bytes a return. `from_columns` makes them from named columns
 in the units of files; `faintrack.io.returns` reads those.
 """
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from faintrack.data.tables import require_columns, table
 from faintrack.errors import InputError
-from faintrack.tables import require_columns, table
 
 MEASURED = ("delay_s", "bearing_deg", "snr_db")
 DOPPLER = "doppler_hz"
@@ -174,7 +174,7 @@ def to_columns(returns: Returns) -> dict[str, Float[np.ndarray, " row"]]:
 
 
 def require_names(names: Sequence[str], origin: str) -> None:
-    """Refuse names of columns that are not those of returns, see `faintrack.tables.require_columns`."""
+    """Refuse names of columns that are not those of returns, see `faintrack.data.tables.require_columns`."""
     needed = ["time_s", *MEASURED]
     for platform in PLATFORMS.values():
         needed += platform if any(name in names for name in platform) else ()

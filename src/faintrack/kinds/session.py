@@ -19,10 +19,10 @@ from jaxtyping import Array, Float
 from pydantic import ValidationError
 
 from faintrack.baselines.detect_and_track import DetectAndTrack
-from faintrack.belief import Belief
+from faintrack.beliefs.belief import Belief
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError, naming
-from faintrack.recording import Recording
-from faintrack.result import Result, frames_dataset, joined, tracks_of
+from faintrack.results.result import Result, frames_dataset, joined, tracks_of
 from faintrack.scenario.array import problem
 from faintrack.scenario.build import build_beamformer, build_tracker
 from faintrack.scenario.model import Analysis, Scenario, TrackerTable
@@ -81,7 +81,7 @@ def track(
 
     Examples
     --------
-    >>> from faintrack.recording import from_samples
+    >>> from faintrack.data.recording import from_samples
     >>> from faintrack.sensors.array import line_array
     >>> noise = np.random.default_rng(0).normal(size=(4000, 8))
     >>> result = track(from_samples(noise, 1000.0), line_array(8, 1.0), frame=0.5)
@@ -93,7 +93,7 @@ def track(
 
 
 def collect(blocks: Iterable[xr.Dataset], scenario: Scenario, array: SensorArray | None) -> Result:
-    """Result of consecutive blocks, held in memory; see `track_blocks` and `faintrack.session_frames`."""
+    """Result of consecutive blocks, held in memory; see `track_blocks` and `faintrack.kinds.session_frames`."""
     start = clock.perf_counter()
     data = joined(blocks)
     return Result(data, tracks_of(data), scenario, array, clock.perf_counter() - start)
@@ -128,7 +128,7 @@ def follow(recording: Recording, array: SensorArray, scenario: Scenario | None =
 
     Examples
     --------
-    >>> from faintrack.recording import from_samples
+    >>> from faintrack.data.recording import from_samples
     >>> from faintrack.sensors.array import line_array
     >>> noise = np.random.default_rng(0).normal(size=(4000, 8))
     >>> moments = follow(from_samples(noise, 1000.0), line_array(8, 1.0))

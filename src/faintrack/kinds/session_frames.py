@@ -1,6 +1,6 @@
 """A sequence of frames through background and tracker, block by block.
 
-What `faintrack.session` is for recordings of an array this is for images, range-time and range-Doppler matrices. One
+What `faintrack.kinds.session` is for recordings of an array this is for images, range-time and range-Doppler matrices. One
 compiled step serves every block, and memory does not grow with the length: of images `SNAPSHOTS` frames are kept for
 the report, of profiles every frame, a few bytes a cell.
 """
@@ -15,13 +15,13 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float, Int
 
+from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError, naming
-from faintrack.result import Result, pictures_dataset, sequence_dataset
+from faintrack.kinds.session import BLOCK_BYTES, LONGEST_BLOCK, collect
+from faintrack.results.result import Result, pictures_dataset, sequence_dataset
 from faintrack.scenario.build_frames import build_background, build_frame_tracker, holds_power
 from faintrack.scenario.model import FramesTable, Scenario
 from faintrack.sensors.cells import Cells, cell_surface
-from faintrack.sequence import Sequence
-from faintrack.session import BLOCK_BYTES, LONGEST_BLOCK, collect
 from faintrack.signal.scans import Background
 from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 
@@ -46,7 +46,7 @@ def track_frames(sequence: Sequence, scenario: Scenario | None = None) -> Result
 
     Examples
     --------
-    >>> from faintrack.sequence import from_frames
+    >>> from faintrack.data.sequence import from_frames
     >>> noise = np.random.default_rng(0).normal(size=(20, 24, 32))
     >>> result = track_frames(from_frames(noise))
     >>> result.tracks, result.existence.sizes["time"], result.data.frame.dims

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, PRNGKeyArray, UInt32
 
-from faintrack.trigonometry import sine_cosine
+from faintrack.numerics.trigonometry import sine_cosine
 
 ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 """Bits by which the second word is turned in each round (Salmon et al., table 2)."""

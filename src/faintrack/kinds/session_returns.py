@@ -1,6 +1,6 @@
 """Returns of an active sonar through a tracker on a grid, block by block of pings.
 
-What `faintrack.session` is for recordings of an array this is for returns. One compiled step serves every block, and
+What `faintrack.kinds.session` is for recordings of an array this is for returns. One compiled step serves every block, and
 the memory that it takes does not grow with the number of pings: after eight of them what is believed of position and
 velocity is kept, of the others a few numbers.
 
@@ -18,17 +18,17 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array
 
-from faintrack.belief import mode
+from faintrack.beliefs.belief import mode
+from faintrack.beliefs.grids import Grid, marginal
+from faintrack.data.returns import Returns
 from faintrack.errors import naming
-from faintrack.grids import Grid, marginal
-from faintrack.result import Result, marginals_dataset, pings_dataset
-from faintrack.returns import Returns
+from faintrack.kinds.session import collect
+from faintrack.kinds.session_frames import slots_of, snapshots_of
+from faintrack.results.result import Result, marginals_dataset, pings_dataset
 from faintrack.scenario.build_returns import build_binned, build_grid, build_returns_tracker, ping_interval
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
-from faintrack.session import collect
-from faintrack.session_frames import slots_of, snapshots_of
 from faintrack.targets.states import PlanarState
 from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 
@@ -41,7 +41,7 @@ def track_returns(returns: Returns, scenario: Scenario) -> Result:
 
     Parameters
     ----------
-    returns : as measured, see `faintrack.io.returns.read_returns` and `faintrack.returns.from_columns`.
+    returns : as measured, see `faintrack.io.returns.read_returns` and `faintrack.data.returns.from_columns`.
     scenario : with tables of the sonar and the grid.
 
     Raises
@@ -50,7 +50,7 @@ def track_returns(returns: Returns, scenario: Scenario) -> Result:
 
     Examples
     --------
-    >>> from faintrack.returns import from_columns
+    >>> from faintrack.data.returns import from_columns
     >>> scenario = Scenario.model_validate({
     ...     "sonar": {
     ...         "pulse": {"frequency": 2000.0, "duration": 1.0, "bandwidth": 4.0}, "delay": [2.0, 16.0],

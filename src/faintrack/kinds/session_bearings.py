@@ -1,6 +1,6 @@
 """Sets of bearings through a tracker, block by block of scans.
 
-What `faintrack.session` is for recordings of an array this is for what a detector has made of one. One compiled step
+What `faintrack.kinds.session` is for recordings of an array this is for what a detector has made of one. One compiled step
 serves every block. The belief starts one interval before the first scan, so that a target may be there from the
 beginning with the probability of a birth.
 """
@@ -15,15 +15,15 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array
 
-from faintrack.bearings import Bearings
-from faintrack.belief import covariance
+from faintrack.beliefs.belief import covariance
+from faintrack.data.bearings import Bearings
 from faintrack.errors import naming
-from faintrack.precision import full_precision
-from faintrack.result import Result, bearings_dataset
+from faintrack.kinds.session import collect
+from faintrack.numerics.precision import full_precision
+from faintrack.results.result import Result, bearings_dataset
 from faintrack.scenario.build_bearings import build_bearings_tracker, build_sensor
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.bearing_sets import ObserverSets
-from faintrack.session import collect
 from faintrack.signal.bearing_sets import in_sets
 from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 
@@ -36,7 +36,7 @@ def track_bearings(bearings: Bearings, scenario: Scenario) -> Result:
 
     Parameters
     ----------
-    bearings : as reported, see `faintrack.io.bearings.read_bearings` and `faintrack.bearings.from_columns`.
+    bearings : as reported, see `faintrack.io.bearings.read_bearings` and `faintrack.data.bearings.from_columns`.
     scenario : with a table of the bearings.
 
     Raises
@@ -45,7 +45,7 @@ def track_bearings(bearings: Bearings, scenario: Scenario) -> Result:
 
     Examples
     --------
-    >>> from faintrack.bearings import from_columns
+    >>> from faintrack.data.bearings import from_columns
     >>> scenario = Scenario.model_validate({
     ...     "bearings": {"error_deg": 2.0, "detection_probability": 0.9, "false_per_scan": 3.0, "speed": 10.0,
     ...                  "range": [100.0, 2000.0]},

@@ -12,8 +12,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from faintrack.records import InStep
-from faintrack.result import HALF
+from faintrack.data.records import InStep
+from faintrack.results.result import HALF
 from faintrack.scenario.build_stations import Placed
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.plane import Plane

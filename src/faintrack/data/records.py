@@ -1,6 +1,6 @@
 r"""Bearing-time records of several arrays on one time axis.
 
-A record is a `faintrack.sequence.Sequence` with one axis, `bearing`, in degrees: the energies of the beams of one
+A record is a `faintrack.data.sequence.Sequence` with one axis, `bearing`, in degrees: the energies of the beams of one
 array, row by row. Arrays keep their own times: their rows come at different moments, at different rates, with gaps. A
 tracker takes in scans at even times,
 
@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
-from faintrack.sequence import Sequence
 
 LONGEST_GAP = 100_000
 """Intervals between two rows of a record at most."""
@@ -81,7 +81,7 @@ def in_step(records: tuple[Sequence, ...], clock_offsets: tuple[float, ...] | No
 
     Examples
     --------
-    >>> from faintrack.axis import Axis
+    >>> from faintrack.beliefs.axis import Axis
     >>> def record(times, values):
     ...     values = np.repeat(np.array(values)[:, None], 2, axis=1)
     ...     bearing = (("bearing", Axis(0.0, 90.0, 2)),)

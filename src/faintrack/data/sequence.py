@@ -1,6 +1,6 @@
 """Frames of a sensor with many cells, read when they are asked for: images, range profiles, range-Doppler matrices.
 
-What `faintrack.recording` is for samples this is for frames: a description and one function that reads a stretch of
+What `faintrack.data.recording` is for samples this is for frames: a description and one function that reads a stretch of
 them, so that memory does not grow with the length.
 """
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faintrack.axis import Axis, Lattice
+from faintrack.beliefs.axis import Axis, Lattice
 from faintrack.errors import InputError
 
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.belief import log_gain
+from faintrack.beliefs.belief import log_gain
 from faintrack.errors import InputError
 from faintrack.filters.run import step
 from faintrack.metrics.thresholds import Stratum, Threshold, counted_threshold, wald_threshold

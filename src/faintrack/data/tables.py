@@ -1,6 +1,6 @@
 """Tables of what was measured at a time: named columns of numbers, rows of one time together, refused by row and name.
 
-`faintrack.returns` and `faintrack.bearings` are made from such tables.
+`faintrack.data.returns` and `faintrack.data.bearings` are made from such tables.
 """
 
 from collections.abc import Mapping, Sequence

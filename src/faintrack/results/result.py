@@ -7,17 +7,17 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from faintrack.grids import Grid
-from faintrack.recording import Recording
+from faintrack.beliefs.grids import Grid
+from faintrack.data.recording import Recording
+from faintrack.data.sequence import Sequence
+from faintrack.results.tracks import BearingTrack, PositionTrack, bearing_tracks, position_tracks
 from faintrack.scenario.build_frames import frame_interval, units_of
 from faintrack.scenario.model import Scenario
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import bearings
-from faintrack.sequence import Sequence
 from faintrack.signal.frames import FrameBlock
 from faintrack.targets.states import PlanarState
 from faintrack.trackers.single import Estimate
-from faintrack.tracks import BearingTrack, PositionTrack, bearing_tracks, position_tracks
 
 HALF = float(np.finfo(np.float16).max)
 """Largest number in the half precision of pictures."""

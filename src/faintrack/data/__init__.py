@@ -1,0 +1,1 @@
+"""What sensors recorded, as values: recordings, frames, returns, bearings, records of several arrays."""

@@ -1,0 +1,1 @@
+"""What came out: every scan as named variables with units, and tracks."""
