@@ -8,9 +8,9 @@ covariance S of the innovation, detection i is the target's, or none is, with th
     \beta_i = \frac{P_D\, N(z_i; \hat z, S) / \lambda}{I}, \quad \beta_0 = \frac{1 - P_D}{I}, \qquad
     I = 1 - P_D + \frac{P_D}{\lambda} \sum_i N(z_i; \hat z, S)
 
-(Bar-Shalom and Tse 1975). I is the mean likelihood ratio of the scan, the evidence that `faintrack.beliefs.belief.update` has
-from points. The mixture over i is replaced by one Gaussian with its mean and covariance. There is no gate: what is far
-off has a weight of nothing.
+(Bar-Shalom and Tse 1975). I is the mean likelihood ratio of the scan, the evidence that
+`faintrack.beliefs.belief.update` has from points. The mixture over i is replaced by one Gaussian with its mean and
+covariance. There is no gate: what is far off has a weight of nothing.
 
 Where the density of false detections is not known it may be taken from the scan itself, as many as there are detections
 over the width of what is watched (the nonparametric form); with :math:`P_D = 1` that is the published form of

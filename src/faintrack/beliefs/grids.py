@@ -2,9 +2,9 @@ r"""Grids of states, and what is read off a belief on one.
 
 A grid names its axes: :code:`Grid(RangeState, (("range", ...), ("range_rate", ...)))`. Its states are open meshes, so
 that a likelihood that reads only the range costs one evaluation for each range. A belief on it has one log weight a
-cell, takes in scans by the same `faintrack.beliefs.belief.update` as particles, and knows the mean, covariance and mode of
-`faintrack.beliefs.belief`. What only a grid can tell is here: the likelihood ratio surface, marginals, highest-density regions
-and the refinement of a peak between cells.
+cell, takes in scans by the same `faintrack.beliefs.belief.update` as particles, and knows the mean, covariance and mode
+of `faintrack.beliefs.belief`. What only a grid can tell is here: the likelihood ratio surface, marginals,
+highest-density regions and the refinement of a peak between cells.
 
 Stone's target likelihood ratio (stone2002, eq. 11) and its logarithm are views of a belief:
 

@@ -1,7 +1,7 @@
 """Sets of bearings: what a detector of one or several observers reported, scan by scan, the target's among false ones.
 
-What `faintrack.data.returns` is for an active sonar this is for passive ones. `from_columns` makes them from named columns
-in the units of files; `faintrack.io.bearings` reads those. Observers that report at one time are one scan.
+What `faintrack.data.returns` is for an active sonar this is for passive ones. `from_columns` makes them from named
+columns in the units of files; `faintrack.io.bearings` reads those. Observers that report at one time are one scan.
 """
 
 from collections.abc import Mapping, Sequence

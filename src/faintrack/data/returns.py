@@ -1,8 +1,8 @@
 """Returns of an active sonar: the echoes of every ping that stood above a threshold, as they were measured.
 
-What `faintrack.data.recording` is for samples and `faintrack.data.sequence` for frames this is for returns. A few numbers say all
-that is kept of a ping, so they are held in memory, forty bytes a return. `from_columns` makes them from named columns
-in the units of files; `faintrack.io.returns` reads those.
+What `faintrack.data.recording` is for samples and `faintrack.data.sequence` for frames this is for returns. A few
+numbers say all that is kept of a ping, so they are held in memory, forty bytes a return. `from_columns` makes them from
+named columns in the units of files; `faintrack.io.returns` reads those.
 """
 
 import functools

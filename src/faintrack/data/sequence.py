@@ -1,7 +1,7 @@
 """Frames of a sensor with many cells, read when they are asked for: images, range profiles, range-Doppler matrices.
 
-What `faintrack.data.recording` is for samples this is for frames: a description and one function that reads a stretch of
-them, so that memory does not grow with the length.
+What `faintrack.data.recording` is for samples this is for frames: a description and one function that reads a stretch
+of them, so that memory does not grow with the length.
 """
 
 from collections.abc import Callable, Iterator

@@ -11,9 +11,9 @@ are existence (eq. 15) and effective number (eq. 17); where this falls below a s
 anew, with probabilities like their weights.
 
 It is a belief about something that is there for certain, a truth with or without a target (`PossibleState`), so that
-`faintrack.beliefs.belief.update` takes in its scans too; the mean ratio over it is the gain :math:`1 - q + q I` of a scan, and
-`of_target` reads off it what the package believes elsewhere. Use `faintrack.filters.bernoulli_particle` instead: it
-estimates the same existence without drawing the bit, and so with less variance for as many particles.
+`faintrack.beliefs.belief.update` takes in its scans too; the mean ratio over it is the gain :math:`1 - q + q I` of a
+scan, and `of_target` reads off it what the package believes elsewhere. Use `faintrack.filters.bernoulli_particle`
+instead: it estimates the same existence without drawing the bit, and so with less variance for as many particles.
 """
 
 from typing import Any

@@ -1,7 +1,8 @@
 """Sets of bearings as files: CSV, or Zarr in xarray's way.
 
 What `faintrack.io.returns` is for an active sonar this is for passive ones. Both kinds of file have the columns of
-`faintrack.data.bearings.from_columns`, a row for every bearing and one without a bearing for an observer that heard nothing:
+`faintrack.data.bearings.from_columns`, a row for every bearing and one without a bearing for an observer that heard
+nothing:
 
 .. code-block:: text
 

@@ -84,7 +84,8 @@ def write_result(folder: Path, blocks: Iterable[xr.Dataset], scenario: Scenario,
     Parameters
     ----------
     folder : that exists and is empty.
-    blocks : consecutive frames; see `faintrack.kinds.session.track_blocks` and, for those without a time axis, which are
+    blocks : consecutive frames; see `faintrack.kinds.session.track_blocks` and, for those without a time axis, which
+    are
         added as they are, `faintrack.kinds.session_frames.track_frame_blocks`.
     scenario, array : what was run; no array for frames, returns and bearings.
     """

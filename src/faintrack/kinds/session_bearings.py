@@ -1,7 +1,7 @@
 """Sets of bearings through a tracker, block by block of scans.
 
-What `faintrack.kinds.session` is for recordings of an array this is for what a detector has made of one. One compiled step
-serves every block. The belief starts one interval before the first scan, so that a target may be there from the
+What `faintrack.kinds.session` is for recordings of an array this is for what a detector has made of one. One compiled
+step serves every block. The belief starts one interval before the first scan, so that a target may be there from the
 beginning with the probability of a birth.
 """
 

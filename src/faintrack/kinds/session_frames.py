@@ -1,8 +1,8 @@
 """A sequence of frames through background and tracker, block by block.
 
-What `faintrack.kinds.session` is for recordings of an array this is for images, range-time and range-Doppler matrices. One
-compiled step serves every block, and memory does not grow with the length: of images `SNAPSHOTS` frames are kept for
-the report, of profiles every frame, a few bytes a cell.
+What `faintrack.kinds.session` is for recordings of an array this is for images, range-time and range-Doppler matrices.
+One compiled step serves every block, and memory does not grow with the length: of images `SNAPSHOTS` frames are kept
+for the report, of profiles every frame, a few bytes a cell.
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,8 @@
 """Returns of an active sonar through a tracker on a grid, block by block of pings.
 
-What `faintrack.kinds.session` is for recordings of an array this is for returns. One compiled step serves every block, and
-the memory that it takes does not grow with the number of pings: after eight of them what is believed of position and
-velocity is kept, of the others a few numbers.
+What `faintrack.kinds.session` is for recordings of an array this is for returns. One compiled step serves every block,
+and the memory that it takes does not grow with the number of pings: after eight of them what is believed of position
+and velocity is kept, of the others a few numbers.
 
 The belief starts one interval before the first ping, so that a target may be there from the beginning with the
 probability of a birth.

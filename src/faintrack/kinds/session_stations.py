@@ -1,8 +1,8 @@
 """Bearing-time records of several arrays through detectors and trackers, block by block of scans.
 
-What `faintrack.kinds.session` is for one array this is for several. One compiled step serves every block, and the memory that
-it takes does not grow with the length of the records. A recording becomes a record first (`beamformed`), whose rows are
-computed when they are asked for.
+What `faintrack.kinds.session` is for one array this is for several. One compiled step serves every block, and the
+memory that it takes does not grow with the length of the records. A recording becomes a record first (`beamformed`),
+whose rows are computed when they are asked for.
 """
 
 from collections.abc import Iterator, Mapping

@@ -13,10 +13,10 @@ With :math:`E_p` the members that exist in joint state p, drawn with their proba
         \frac{\sum_p w_p \, p(z \mid X_p, E_p \cup t)}{\sum_p w_p \, p(z \mid X_p, E_p \setminus t)}, \qquad
     w_{tp}' \propto w_p \, p(z \mid X_p, E_p \cup t)
 
-which is the one update of `faintrack.beliefs.belief`, its log ratio less the log of the lower sum. Two trackers on one target
-have beams that are explained without them: their evidence falls below one, and one dies. A target that leaves the
-region of the detectors, or moves faster than they know, is gone. Members that exist for certain have equal weights, and
-so stay paired when they are resampled.
+which is the one update of `faintrack.beliefs.belief`, its log ratio less the log of the lower sum. Two trackers on one
+target have beams that are explained without them: their evidence falls below one, and one dies. A target that leaves
+the region of the detectors, or moves faster than they know, is gone. Members that exist for certain have equal weights,
+and so stay paired when they are resampled.
 
 Until it is declared a target is **tentative**: it may be a **ghost**, a place where the beams of two others cross. It
 does not yet explain anything to the particles of others, which it would push out of their beams, and existence is
