@@ -1,1 +1,1 @@
-"""Arithmetic that is ours: random numbers, sines and angles, products of matrices in full precision."""
+"""Arithmetic that is ours: random numbers, sines and angles, full precision; and where compiled programs are kept."""

@@ -13,13 +13,14 @@ import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 
 from faintrack.errors import InputError
+from faintrack.numerics.compiled import cache_folder
+from faintrack.numerics.compiled import keep_compilations as keep_compilations
 from faintrack.studies.folder import Folder
 from faintrack.studies.study import Setting, run_batch
 
@@ -148,27 +149,14 @@ def _on_workers(
             waiting.add(more)
 
 
-def cache_folder() -> Path:
-    """Where compilations are kept between runs: the user's cache folder."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "faintrack"
-
-
-def keep_compilations() -> None:
-    """Let JAX keep what it compiles between runs, in the user's cache folder unless the user has named another."""
-    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
-        return
-    jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
-
-
 def _worker_environment() -> dict[str, str]:
     """One thread a worker, and compilations kept: the second worker finds what the first compiled."""
+    folder = os.environ.get("JAX_COMPILATION_CACHE_DIR", cache_folder())
     flags = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
     return {
         "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} {flags}".strip(),
         "XLA_PYTHON_CLIENT_PREALLOCATE": "false",
-        "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache_folder())),
+        **({} if folder is None else {"JAX_COMPILATION_CACHE_DIR": str(folder)}),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1",
         # XLA's pool of threads goes by this, not by the flags above: two of them would take turns at the work of one.
         "NPROC": "1",
