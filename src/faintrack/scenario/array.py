@@ -24,32 +24,14 @@ from typing import Annotated, Any
 from xml.etree import ElementTree
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, ValidationInfo, model_validator
 
 from faintrack.errors import InputError
+from faintrack.scenario.section import FilePath, Section, read_toml, validated
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 
 _WATER = 1500.0
 _AIR = 343.0
-_KINDS = {
-    "model_type": "expected a table",
-    "tuple_type": "expected a list",
-    "too_short": "expected a list of {min_length} or more",
-    "too_long": "expected a list of {max_length} or fewer",
-}
-"""What to say in TOML's words where pydantic uses Python's."""
-
-
-Pair = Annotated[tuple[float, float], Field(strict=False)]
-"""Two numbers, in a file a list of them."""
-
-
-class Table(BaseModel):
-    """A table of a file: unknown fields, wrong types and numbers that are not finite are refused."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
 def _name_or_number(value: Any) -> int | str:
     if isinstance(value, bool) or not isinstance(value, int | str):
         raise ValueError("expected the name of a channel or its number from 0")
@@ -59,7 +41,7 @@ def _name_or_number(value: Any) -> int | str:
 _ChannelKeys = list[Annotated[int | str, PlainValidator(_name_or_number)]]
 
 
-class ChannelDescription(Table):
+class ChannelDescription(Section):
     """One channel: its name, position in metres east, north, up, and the factor that corrects it."""
 
     name: str
@@ -69,7 +51,7 @@ class ChannelDescription(Table):
     gain: float = 1.0
 
 
-class LineDescription(Table):
+class LineDescription(Section):
     """A uniform line: channels, spacing in metres, heading in degrees clockwise from north."""
 
     count: int = Field(ge=2)
@@ -77,13 +59,13 @@ class LineDescription(Table):
     heading_deg: float = 0.0
 
 
-class ArrayDescription(Table):
+class ArrayDescription(Section):
     """An array as a file describes it; `build` turns it into a SensorArray."""
 
     sound_speed: float | None = Field(default=None, gt=0)
     channels: list[ChannelDescription] | None = None
     line: LineDescription | None = None
-    positions_file: str | None = None
+    positions_file: FilePath | None = None
     dead: _ChannelKeys = []
     inverted: _ChannelKeys = []
 
@@ -96,13 +78,12 @@ class ArrayDescription(Table):
         return self
 
 
-def build(description: ArrayDescription, folder: Path) -> SensorArray:
+def build(description: ArrayDescription) -> SensorArray:
     """Array that a description describes.
 
     Parameters
     ----------
-    description : the validated table.
-    folder : where the description stands; `positions_file` is relative to it.
+    description : the validated section.
 
     Raises
     ------
@@ -111,7 +92,7 @@ def build(description: ArrayDescription, folder: Path) -> SensorArray:
 
     Examples
     --------
-    >>> array = build(ArrayDescription(line={"count": 4, "spacing": 0.5}, inverted=[3]), Path())
+    >>> array = build(ArrayDescription(line={"count": 4, "spacing": 0.5}, inverted=[3]))
     >>> array.gains.tolist(), array.sound_speed
     ([1.0, 1.0, 1.0, -1.0], 1500.0)
     """
@@ -122,7 +103,7 @@ def build(description: ArrayDescription, folder: Path) -> SensorArray:
         array = line_array(line.count, line.spacing, speed, math.radians(line.heading_deg))
         positions, names = array.positions, array.channel_names
     elif description.positions_file is not None:
-        positions, names = read_positions(folder / description.positions_file)
+        positions, names = read_positions(Path(description.positions_file))
     else:
         channels = description.channels or []
         positions = np.array([[c.x, c.y, c.z] for c in channels]).reshape(-1, 3)
@@ -132,6 +113,39 @@ def build(description: ArrayDescription, folder: Path) -> SensorArray:
     gains[_numbers("inverted", description.inverted, names)] *= -1
     gains[_numbers("dead", description.dead, names)] = 0
     return sensor_array(positions, speed, gains, names)
+
+
+def read_description(path: str | Path) -> ArrayDescription:
+    """Description of an array in a TOML file, or in an XML file of Acoular.
+
+    Parameters
+    ----------
+    path : a file that ends in .toml or .xml.
+
+    Raises
+    ------
+    InputError : the file is missing, unknown, or not valid.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".toml", ".xml"):
+        raise InputError(f"{path}: unknown kind of array file; expected .toml or .xml.")
+    content = {"positions_file": path.name} if suffix == ".xml" else read_toml(path)
+    return validated(ArrayDescription, content, path, path.parent)
+
+
+def _described(value: Any, info: ValidationInfo) -> Any:
+    """What stands for an array: an array itself, or the name of its file."""
+    if isinstance(value, SensorArray):
+        return describe(value)
+    if isinstance(value, str | Path):
+        folder = (info.context or {}).get("folder")
+        return read_description(value if folder is None else Path(folder) / value)
+    return value
+
+
+ArraySection = Annotated[ArrayDescription, BeforeValidator(_described)]
+"""An array in a scenario: a table, the name of a file with it, or in Python a `SensorArray`."""
 
 
 def describe(array: SensorArray) -> ArrayDescription:
@@ -176,35 +190,6 @@ def read_positions(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         raise InputError(f"{path} holds no positions; expected <pos Name x y z/> within <{root.tag}>.")
     positions = np.array([[_coordinate(path, i, place, axis) for axis in "xyz"] for i, place in enumerate(places)])
     return positions, tuple(place.get("Name", str(i)) for i, place in enumerate(places))
-
-
-def problem(error: ValidationError) -> str:
-    """First thing wrong with a file's table, as one sentence that names the field.
-
-    Parameters
-    ----------
-    error : what pydantic found.
-
-    Examples
-    --------
-    >>> try:
-    ...     ArrayDescription(line={"count": 4, "spacing": -1.0})
-    ... except ValidationError as error:
-    ...     problem(error)
-    'line.spacing is -1.0: input should be greater than 0.'
-    """
-    first = error.errors()[0]
-    field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
-    if first["type"] == "missing":
-        return f"{field} is missing."
-    if first["type"] == "extra_forbidden":
-        return f"there is no field {field}."
-    known = _KINDS.get(first["type"])
-    message = first["msg"].removeprefix("Value error, ") if known is None else known.format(**first.get("ctx", {}))
-    message = message[0].lower() + message[1:]
-    # A table is too long to repeat; its own name says enough.
-    value = "" if isinstance(first["input"], dict | list) else f" is {first['input']!r}"
-    return f"{field}{value}: {message}." if field else f"{message}."
 
 
 def _numbers(field: str, keys: list[int | str], names: tuple[str, ...]) -> list[int]:

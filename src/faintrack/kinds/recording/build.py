@@ -1,4 +1,4 @@
-"""From the tables of a scenario to the objects that do the work: units are converted here, once."""
+"""From the sections of a scenario to the objects that do the work: units are converted here, once."""
 
 import math
 
@@ -14,7 +14,7 @@ from faintrack.filters.run import Likelihood
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.likelihoods.white_signal import WhiteSignal
-from faintrack.scenario.model import Scenario, TargetTable
+from faintrack.kinds.recording.sections import AnalysisSection, RecordingScenario, SourceTargetSection
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, lobe_width
 from faintrack.signal.beamformer import Beamformer, beamformer
@@ -33,19 +33,18 @@ LOUDEST_DB = 20.0
 """Largest SNR of a target by default; dB."""
 
 
-def build_beamformer(scenario: Scenario, array: SensorArray, sample_rate: float) -> Beamformer:
-    """Beamformer of a scenario for an array and a sample rate.
+def build_beamformer(analysis: AnalysisSection, array: SensorArray, sample_rate: float) -> Beamformer:
+    """Beamformer of a scenario's analysis for an array and a sample rate.
 
     Raises
     ------
     InputError : band, frame and sample rate do not fit together.
     """
-    plan = scenario.analysis
-    return beamformer(array, sample_rate, plan.frame, plan.band, plan.beams, plan.snapshot)
+    return beamformer(array, sample_rate, analysis.frame, analysis.band, analysis.beams, analysis.snapshot)
 
 
 def build_tracker(
-    scenario: Scenario, array: SensorArray, plan: Beamformer, noise_power: np.ndarray | None = None
+    scenario: RecordingScenario, array: SensorArray, plan: Beamformer, noise_power: np.ndarray | None = None
 ) -> SingleTargetTracker | DetectAndTrack:
     """Tracker of a scenario.
 
@@ -80,7 +79,7 @@ def build_tracker(
     )
 
 
-def build_baseline(scenario: Scenario, array: SensorArray, plan: Beamformer, target: Target) -> DetectAndTrack:
+def build_baseline(scenario: RecordingScenario, array: SensorArray, plan: Beamformer, target: Target) -> DetectAndTrack:
     """Detector, its threshold found by drawing noise, and the tracks on its detections.
 
     Raises
@@ -112,7 +111,7 @@ def build_baseline(scenario: Scenario, array: SensorArray, plan: Beamformer, tar
     )
 
 
-def build_target(table: TargetTable, snr_db: tuple[float, float], circular: bool) -> Target:
+def build_target(table: SourceTargetSection, snr_db: tuple[float, float], circular: bool) -> Target:
     """Target of a scenario on a line array's half circle, or on the full circle."""
     first, last = (-math.pi, math.pi) if circular else (0.0, math.pi)
     rate = math.radians(table.bearing_rate_deg)

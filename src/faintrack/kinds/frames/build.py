@@ -1,4 +1,4 @@
-"""From the tables of a scenario to what tracks in frames: background, likelihood, filter, tracker."""
+"""From the sections of a scenario to what tracks in frames: background, likelihood, filter, tracker."""
 
 from typing import Any
 
@@ -27,7 +27,7 @@ from faintrack.likelihoods.clutter import ClutterLikelihood
 from faintrack.likelihoods.heavy_tails import student
 from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.likelihoods.within import Within
-from faintrack.scenario.model import Scenario
+from faintrack.kinds.frames.sections import FramesScenario
 from faintrack.sensors.cells import Cells
 from faintrack.signal.background import Whitening
 from faintrack.signal.clutter import ClutterTracker
@@ -77,13 +77,30 @@ SHORTEST_INTERVAL = 1e-9
 """Seconds from frame to frame at least: rates in cells a second stay within single precision."""
 
 
-def background_kind(scenario: Scenario, sequence: Sequence) -> str:
+def background_kind(scenario: FramesScenario, sequence: Sequence) -> str:
     """Background of a scenario, or the one that suits the frames."""
-    assert scenario.frames is not None, "frames are tracked with a table of them"
     return scenario.frames.background or ("whiten" if "x" in dict(sequence.axes) else "clutter")
 
 
-def holds_power(scenario: Scenario, sequence: Sequence) -> bool:
+def chosen(scenario: FramesScenario, sequence: Sequence) -> FramesScenario:
+    """Scenario with what was chosen for a sequence filled in."""
+    kind = background_kind(scenario, sequence)
+    memory = MEMORY.get(kind) if scenario.frames.memory is None else scenario.frames.memory
+    speed, noise = target_motion(scenario, sequence)
+    frames = scenario.frames.model_copy(update={"background": kind, "memory": memory})
+    target = scenario.target.model_copy(update={"speed": speed, "velocity_noise": noise})
+    return scenario.model_copy(update={"frames": frames, "target": target})
+
+
+def target_motion(scenario: FramesScenario, sequence: Sequence) -> tuple[float, float]:
+    """Largest speed of new targets and density of their acceleration, in units of the axes."""
+    axes, table, interval = dict(sequence.axes), scenario.target, frame_interval(sequence)
+    cell = min(axes[name].step for name in ("x", "y", "range") if name in axes)
+    speed = cell / interval if table.speed is None else table.speed
+    return speed, 0.1 * cell / interval**1.5 if table.velocity_noise is None else table.velocity_noise
+
+
+def holds_power(scenario: FramesScenario, sequence: Sequence) -> bool:
     """Whether the values are a power or an envelope, which is never negative."""
     return background_kind(scenario, sequence) == "clutter" or scenario.cells.amplitude not in (None, *RESIDUALS)
 
@@ -101,7 +118,7 @@ def frame_interval(sequence: Sequence) -> float:
     return interval
 
 
-def build_background(scenario: Scenario, sequence: Sequence) -> Background:
+def build_background(scenario: FramesScenario, sequence: Sequence) -> Background:
     """What turns frames into scans.
 
     Raises
@@ -109,7 +126,6 @@ def build_background(scenario: Scenario, sequence: Sequence) -> Background:
     InputError : the background does not fit the frames, or its memory is too short.
     """
     kind, table = background_kind(scenario, sequence), scenario.frames
-    assert table is not None
     if kind == "none":
         return OverNoise(scenario.cells.noise)
     memory = MEMORY[kind] if table.memory is None else table.memory
@@ -128,7 +144,7 @@ def build_background(scenario: Scenario, sequence: Sequence) -> Background:
     return OverScene(whitening)
 
 
-def build_cells(scenario: Scenario, sequence: Sequence, oversample: int) -> Likelihood:
+def build_cells(scenario: FramesScenario, sequence: Sequence, oversample: int) -> Likelihood:
     """Likelihood of a scenario for the frames of a sequence.
 
     Raises
@@ -159,7 +175,7 @@ def build_cells(scenario: Scenario, sequence: Sequence, oversample: int) -> Like
     return parts[0] if len(parts) == 1 else UnknownLevel(tuple(parts))
 
 
-def build_frame_tracker(scenario: Scenario, sequence: Sequence) -> SingleTargetTracker:
+def build_tracker(scenario: FramesScenario, sequence: Sequence) -> SingleTargetTracker:
     """Tracker of a scenario for the frames of a sequence.
 
     Raises
@@ -174,9 +190,7 @@ def build_frame_tracker(scenario: Scenario, sequence: Sequence) -> SingleTargetT
             f"frames have the axes {', '.join(axes)}; expected y and x, range, or range and range_rate, beside time."
         )
     interval, table, filter_table = frame_interval(sequence), scenario.target, scenario.filter
-    cell = min(axes[name].step for name in kind.rates if name in axes)
-    speed = cell / interval if table.speed is None else table.speed
-    noise = 0.1 * cell / interval**1.5 if table.velocity_noise is None else table.velocity_noise
+    speed, noise = target_motion(scenario, sequence)
     # A Doppler axis says itself how fast targets may be.
     rates = {rate: between(-speed, speed, filter_table.speeds) for rate in kind.rates.values() if rate not in axes}
     extent = {name: (float(axis.edges[0]), float(axis.edges[-1])) for name, axis in (axes | rates).items()}

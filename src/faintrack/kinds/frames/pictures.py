@@ -6,8 +6,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from faintrack.plots.bearing import COLUMNS, LINE, TRACK, draw_existence, each_track
-from faintrack.results.result import Result, positions
+from faintrack.results.pictures import COLUMNS, TRACK, draw_component, draw_existence, draw_paths, ends, until
+from faintrack.results.result import Result
+from faintrack.results.schema import places
 
 ACROSS = 4
 """Images side by side."""
@@ -16,7 +17,7 @@ PIXELS = 300
 """Cells of a surface along each side of a small picture at most; of more the largest are drawn."""
 
 
-def draw_frames(result: Result) -> Figure:
+def draw(result: Result) -> Figure:
     """Figure of a result of frames: images or the whole matrix, surfaces, existence, position over time.
 
     Returns
@@ -24,7 +25,7 @@ def draw_frames(result: Result) -> Figure:
     A matplotlib figure that belongs to no window.
     """
     data = result.data
-    names = positions(data)
+    names = places(data)
     profiles = "record" in data
     bands = 2 if profiles else 2 * -(-data.sizes["snapshot"] // ACROSS)
     heights = [2.6] * bands + [1.5] * (1 + len(names))
@@ -37,10 +38,10 @@ def draw_frames(result: Result) -> Figure:
         draw_matrix(record, data.record, "value over\nwhat is expected")
         draw_matrix(surface, data.surface, "log of the\nlikelihood ratio")
         for axes in (record, surface):
-            draw_path(axes, data, "time", names[0])
+            draw_paths(axes, data, "time", names[0])
     else:
         draw_snapshots(figure, rows, data)
-    draw_existence(below[0], result)
+    draw_existence(below[0], data, result.scenario.tracker.declare, result.scenario.tracker.drop)
     for axes, name in zip(below[1:], names, strict=True):
         draw_component(axes, data, name)
     below[-1].set_xlabel("time from the first frame (s)")
@@ -96,44 +97,14 @@ def draw_matrix(axes: Axes, values: xr.DataArray, label: str) -> None:
         interpolation="nearest",
     )
     axes.set_xlim(time[0] - half, time[-1] + half)
-    axes.set_ylabel(f"{name} ({values[name].attrs['units']})")
+    axes.set_ylabel(f"{values[name].attrs['long_name']} ({values[name].attrs['units']})")
     axes.figure.colorbar(drawn, ax=axes, label=label, pad=0.01)
 
 
-def draw_path(axes: Axes, data: xr.Dataset, across: str, up: str) -> None:
-    """Each track as a thin line, with its label at its start."""
-    for number, mine in each_track(data):
-        x, y = ((mine.time if name == "time" else mine[f"{name}_mean"]).values for name in (across, up))
-        axes.plot(x, y, color=TRACK, linewidth=1.0)
-        axes.annotate(
-            str(number),
-            (x[0], y[0]),
-            xytext=(-3, 5),
-            textcoords="offset points",
-            ha="right",
-            color="white",
-            weight="bold",
-            fontsize=8,
-            bbox={"boxstyle": "round,pad=0.2", "color": TRACK},
-        )
-
-
-def draw_component(axes: Axes, data: xr.Dataset, name: str) -> None:
-    """A component of the tracks over time, with a band of two standard deviations."""
-    for _, mine in each_track(data):
-        middle, std = mine[f"{name}_mean"], mine[f"{name}_std"]
-        axes.plot(mine.time, middle, color=LINE, linewidth=1.2)
-        axes.fill_between(mine.time, middle - 2 * std, middle + 2 * std, color=LINE, alpha=0.25, linewidth=0)
-    axes.set_ylabel(_label(data, name))
-    axes.grid(alpha=0.3)
-
-
 def _mark(axes: Axes, data: xr.Dataset, time: float, dims: tuple[str, ...]) -> None:
-    """Way of the track in hand up to now, and a circle around the target."""
-    label = data.label.sel(time=time, method="nearest")
-    if label > 0:
-        mine = data.isel(time=np.flatnonzero((data.label == label) & (data.time <= time)))
-        y, x = (mine[f"{name}_mean"].values for name in dims)
+    """Ways of the tracks in hand up to now, and a circle around each target."""
+    for track, number in until(data, time):
+        y, x = (track.mean[name.removeprefix("axis_")][:number] for name in dims)
         axes.plot(x, y, color=TRACK, linewidth=0.8)
         axes.plot(x[-1], y[-1], "o", markersize=14, markerfacecolor="none", markeredgecolor=TRACK, markeredgewidth=1.2)
 
@@ -154,11 +125,5 @@ def _colours(values: xr.DataArray) -> tuple[float, float]:
     return float(low), float(max(high, low + 1e-9))
 
 
-def ends(values: np.ndarray) -> tuple[float, float]:
-    """Where the first cell of an axis begins and the last one ends."""
-    half = (values[-1] - values[0]) / max(len(values) - 1, 1) / 2 or 0.5
-    return float(values[0] - half), float(values[-1] + half)
-
-
 def _label(data: xr.Dataset, name: str) -> str:
-    return f"{name.replace('_', ' ')} ({data[name].attrs['units']})"
+    return f"{data[name].attrs['long_name'].replace('_', ' ')} ({data[name].attrs['units']})"

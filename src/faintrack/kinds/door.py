@@ -1,0 +1,392 @@
+"""The verbs, for every kind of data: track, follow, simulate, calibrate, read, info, read_result.
+
+Each takes data in memory or paths, and a scenario as a path, a dictionary, a `Scenario`, or sections by name. The
+command line calls the same functions and adds nothing, so that command and Python give the same numbers.
+"""
+
+import time as clock
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from faintrack.errors import InputError
+from faintrack.kinds import kind_named, kinds
+from faintrack.kinds.kind import Kind, Plan
+from faintrack.kinds.loop import Checkpoint, advance, datasets
+from faintrack.kinds.scenario import Scenario, kind_of_sections, merged, scenario_of
+from faintrack.numerics.compiled import keep_compilations
+from faintrack.results.folder import open_blocks, read_folder, result_folder, write_blocks, write_rest
+from faintrack.results.result import Result
+from faintrack.results.schema import joined
+from faintrack.results.track import Track, tracks_of
+from faintrack.scenario.section import read_toml
+
+PICTURES = ("record", "surface", "frame", "position", "velocity")
+"""Variables that only pictures read."""
+
+Progress = Callable[[int, int | None], None]
+"""Is called with the scans that were just taken in, and the number of all of them."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is known after a scan, or a block of them, as `follow` yields it.
+
+    Attributes
+    ----------
+    data : of these scans, in the schema of `faintrack.results.schema`.
+    checkpoint : where the run stands; see `faintrack.kinds.loop`.
+    """
+
+    data: xr.Dataset
+    checkpoint: Checkpoint
+
+    @property
+    def time(self) -> float:
+        """Of the last scan; seconds from the first one."""
+        return float(self.data.time[-1])
+
+    @property
+    def tracks(self) -> list[Track]:
+        """Targets in hand in these scans."""
+        return tracks_of(self.data)
+
+    @property
+    def existence(self) -> float:
+        """Largest probability that a target exists after the last scan."""
+        return float(self.data.existence[-1].max())
+
+
+@dataclass(frozen=True)
+class Info:
+    """What files hold.
+
+    Attributes
+    ----------
+    kind : of data, its name.
+    facts : by name.
+    remarks : what was assumed, left out or does not fit.
+    command : that tracks it.
+    """
+
+    kind: str
+    facts: Mapping[str, str]
+    remarks: tuple[str, ...]
+    command: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for programs."""
+        return {"kind": self.kind, **self.facts, "remarks": list(self.remarks), "command": self.command}
+
+    def __str__(self) -> str:
+        width = max(map(len, (*self.facts, "command"))) + 2
+        lines = [f"{name:<{width}}{value}" for name, value in self.facts.items()]
+        lines += [f"{'remark':<{width}}{remark}" for remark in self.remarks]
+        return "\n".join([*lines, f"{'command':<{width}}{self.command}"])
+
+    def _repr_html_(self) -> str:
+        import html
+
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def track(
+    what: Any,
+    scenario: Any = None,
+    *,
+    out: str | Path | None = None,
+    truth: Any = None,
+    progress: Progress = lambda scans, total: None,
+    pictures: bool = True,
+    **sections: Any,
+) -> Result:
+    """Tracks of the targets in data of any kind.
+
+    Parameters
+    ----------
+    what : a path or several, or data in memory: `Recording`, `Sequence` and so on.
+    scenario : what to run: a path, a dictionary, a `Scenario`; defaults where not given.
+    out : folder that data, tables, scenario and report are kept in; see `faintrack.results.folder`.
+    truth : where targets really were, to lay beside the tracks: a path, see `faintrack.kinds.truth`.
+    progress : is called while the run goes on.
+    pictures : whether what only pictures read is kept where there is no `out`.
+    sections : of the scenario, in place of its own fields: `analysis={"band": [100, 1500]}`, `array="array.toml"`.
+
+    Raises
+    ------
+    InputError : data and scenario do not fit together, a file cannot be read, or nothing usable was recorded.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import faintrack as ft
+    >>> noise = np.random.default_rng(0).normal(size=(4000, 8))
+    >>> result = ft.track(ft.from_samples(noise, 1000.0), array={"line": {"count": 8, "spacing": 1.0}},
+    ...                   analysis={"frame": 0.5})
+    >>> result.tracks, result.data.sizes["time"], result.scenario.analysis.beams
+    ([], 8, 180)
+    """
+    keep_compilations()
+    kind, data, what_to_run = opened(what, scenario, sections)
+    start = clock.perf_counter()
+    plan = kind.plan(data, what_to_run)
+    blocks = _counted(datasets(plan), plan, progress)
+    if truth is not None:
+        from faintrack.kinds.truth import laid_beside
+
+        blocks = laid_beside(blocks, truth, plan)
+    remarks = tuple(getattr(data, "remarks", ()))
+    if out is None:
+        held = [block if pictures else block.drop_vars(PICTURES, errors="ignore") for block in blocks]
+        return Result(joined(held), plan.scenario, kind, clock.perf_counter() - start, remarks)
+    with result_folder(out) as folder:
+        write_blocks(folder, blocks)
+        seconds = clock.perf_counter() - start
+        result = Result(open_blocks(folder), plan.scenario, kind, seconds, remarks)
+        write_rest(folder, result)
+        result.report(folder / "report.html")
+    return read_result(out)
+
+
+def follow(
+    what: Any, scenario: Any = None, *, since: Checkpoint | None = None, block: int = 1, **sections: Any
+) -> Iterator[Moment]:
+    """Yield what is known after every scan, as it is taken in.
+
+    Parameters
+    ----------
+    what, scenario, sections : as `track`.
+    since : where an earlier run stopped.
+    block : scans that are taken in at once.
+
+    Raises
+    ------
+    InputError : as `track`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import faintrack as ft
+    >>> moment = next(ft.follow(ft.from_frames(np.random.default_rng(0).normal(size=(20, 24, 32)))))
+    >>> moment.time, moment.tracks
+    (0.0, [])
+    """
+    keep_compilations()
+    kind, data, what_to_run = opened(what, scenario, sections)
+    for checkpoint, rows in advance(kind.plan(data, what_to_run), since, block):
+        yield Moment(rows, checkpoint)
+
+
+def simulate(scenario: Any = None, out: str | Path | None = None, **sections: Any) -> Any:
+    """Data with the targets that the scenario's `[simulation]` describes.
+
+    Parameters
+    ----------
+    scenario, sections : as `track`; the kind is told by the sections.
+    out : file to write; its suffix tells the format.
+
+    Returns
+    -------
+    Data of the kind; drawn when they are read.
+
+    Raises
+    ------
+    InputError : the scenario has no simulation, or the file cannot be written.
+    """
+    keep_compilations()
+    given = scenario_given(scenario, sections)
+    what_to_run = scenario_of(given.sections, given.source, given.folder)
+    kind = kind_named(what_to_run.kind)
+    data = kind.simulate(what_to_run)
+    if out is not None:
+        kind.write(Path(out), data)
+    return data
+
+
+def read(*paths: str | Path, kind: str | None = None, scenario: Any = None, **sections: Any) -> Any:
+    """Data of files.
+
+    Parameters
+    ----------
+    paths : of one recording, of frames, and so on; several files that belong together.
+    kind : of the data, where the files do not tell.
+    scenario, sections : where the kind needs them to read, as `track`.
+
+    Raises
+    ------
+    InputError : a file is missing, damaged or unknown, or it cannot be told what it holds.
+    """
+    _, data, _ = opened(paths, scenario, {**sections, **({} if kind is None else {"kind": kind})}, reading=True)
+    return data
+
+
+def info(*paths: str | Path, kind: str | None = None, scenario: Any = None, **sections: Any) -> Info:
+    """What files hold, what was assumed, and the command that tracks them; arguments as `read`.
+
+    Raises
+    ------
+    InputError : as `read`.
+    """
+    found, data, _ = opened(paths, scenario, {**sections, **({} if kind is None else {"kind": kind})}, reading=True)
+    files = " ".join(str(path) for path in paths)
+    needed = "" if isinstance(scenario, str | Path) is False else f" --scenario {scenario}"
+    if not needed and found.needs:
+        needed = f" {found.needs}"
+    return Info(found.name, found.describe(data), tuple(getattr(data, "remarks", ())), f"faintrack track {files}{needed}")
+
+
+def read_result(folder: str | Path) -> Result:
+    """Result of a folder that `track` or `Result.save` wrote; its data are read as they are needed.
+
+    Raises
+    ------
+    InputError : the folder is missing, or is no whole result.
+    """
+    data, about = read_folder(folder)
+    scenario = Scenario.read(Path(folder) / "scenario.toml")
+    return Result(data, scenario, kind_named(about["kind"], folder), about["seconds"], about["remarks"])
+
+
+@dataclass(frozen=True)
+class Given:
+    """Sections of a scenario whose kind the data may have to tell.
+
+    Attributes
+    ----------
+    sections : by name.
+    source : where they come from, for messages.
+    folder : that their paths are relative to.
+    """
+
+    sections: Mapping[str, Any]
+    source: object = None
+    folder: Path | None = None
+
+    @property
+    def kind(self) -> str | None:
+        """Name of the kind that the sections tell."""
+        return kind_of_sections(self.sections, self.source)
+
+    def of(self, kind: str) -> Scenario:
+        """Scenario of a kind with these sections."""
+        return scenario_of({**self.sections, "kind": kind}, self.source, self.folder)
+
+
+def scenario_given(scenario: Any, sections: Mapping[str, Any]) -> Given:
+    """What was given as a scenario, with sections in place of its own.
+
+    Raises
+    ------
+    InputError : it is no scenario, or a file of it cannot be read.
+    """
+    if scenario is None:
+        return Given(dict(sections))
+    if isinstance(scenario, Scenario):
+        return Given(merged({**scenario.model_dump(exclude_unset=True), "kind": scenario.kind}, sections))
+    if isinstance(scenario, Mapping):
+        return Given(merged(scenario, sections))
+    if isinstance(scenario, str | Path):
+        # Paths in the file are relative to it; those given beside it are relative to where the program runs.
+        beside = {name: str(Path(value).absolute()) if name == "array" and isinstance(value, str | Path) else value
+                  for name, value in sections.items()}
+        return Given(merged(read_toml(scenario), beside), scenario, Path(scenario).parent)
+    raise InputError(
+        f"scenario is a {type(scenario).__name__}; expected the path of a TOML file, a dictionary or a Scenario, "
+        "and sections such as the array by their names: track(what, array=...)."
+    )
+
+
+def opened(
+    what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool = False
+) -> tuple[Kind, Any, Any]:
+    """Kind and data of what is given, and the scenario for them.
+
+    Parameters
+    ----------
+    what, scenario, sections : as `track`.
+    reading : whether the scenario may lack what only tracking needs; it is None then where nothing was given.
+
+    Raises
+    ------
+    InputError : it is not known what the data are, or they do not fit the scenario.
+    """
+    given = scenario_given(scenario, sections)
+    held = next((kind for kind in kinds() if isinstance(what, kind.data)), None)
+    paths = () if held is not None else _paths(what)
+    name = given.kind
+    if held is not None and name is not None and held.name != name:
+        raise InputError(f"the data are of the kind {held.name} and the scenario of {name}; expected the same.")
+    kind = held or (kind_named(name) if name is not None else kind_of_files(paths, given))
+    complete = None
+    if not reading or given.sections.keys() - {"kind"}:
+        with _telling_kind(kind, () if name is not None else paths):
+            complete = given.of(kind.name)
+    return kind, kind.read(paths, complete) if held is None else what, complete
+
+
+def kind_of_files(paths: tuple[Path, ...], given: "Given") -> Kind:
+    """The kind of data that files hold.
+
+    Raises
+    ------
+    InputError : a file is missing, or may be of several kinds, or of none.
+    """
+    able = [kind for kind in kinds() if set(given.sections) <= set(kind.scenario.model_fields)]
+    holding = [kind for kind in able if kind.holds(paths)]
+    if len(holding) == 1:
+        return holding[0]
+    listed = ", ".join(map(str, paths))
+    if not holding:
+        names = ", ".join(kind.name for kind in able)
+        raise InputError(
+            f"{listed}: what it holds is not told by its name; expected a scenario with kind = one of {names} "
+            "(--kind KIND)."
+        )
+    names = " or ".join(kind.name for kind in holding)
+    raise InputError(f"{listed}: it may hold {names}; expected a scenario with kind = one of them (--kind KIND).")
+
+
+@contextmanager
+def _telling_kind(kind: Kind, paths: tuple[Path, ...]) -> Iterator[None]:
+    """Add to a complaint about a scenario what the files were taken for, where they told the kind."""
+    try:
+        yield
+    except InputError as error:
+        if not paths:
+            raise
+        raise InputError(
+            f"{str(error).rstrip('.')}; {', '.join(map(str, paths))} was taken for {kind.name}, which kind = ... "
+            "(--kind KIND) changes."
+        ) from error
+
+
+def _paths(what: Any) -> tuple[Path, ...]:
+    """Paths that were given as data.
+
+    Raises
+    ------
+    InputError : they are no paths, or do not exist.
+    """
+    several = what if isinstance(what, list | tuple) else (what,)
+    if not several or not all(isinstance(path, str | Path) for path in several):
+        kinds_in_memory = ", ".join(kind.data.__name__ for kind in kinds())
+        wrong = next((one for one in several if not isinstance(one, str | Path)), what)
+        raise InputError(
+            f"what to track is a {type(wrong).__name__}; expected paths, or data in memory ({kinds_in_memory}), which "
+            "from_samples, from_frames and their like make of arrays."
+        )
+    paths = tuple(Path(path) for path in several)
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path} does not exist.")
+    return paths
+
+
+def _counted(blocks: Iterable[xr.Dataset], plan: Plan, progress: Progress) -> Iterator[xr.Dataset]:
+    for block in blocks:
+        yield block
+        progress(block.sizes.get("time", 0), plan.length)

@@ -1,0 +1,225 @@
+"""How a sequence of frames becomes a result: background, tracker, and what is kept for pictures.
+
+Memory does not grow with the length: of images `SNAPSHOTS` frames are kept for the report, of profiles every frame, a
+few bytes a cell.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from faintrack.data.sequence import Sequence
+from faintrack.errors import InputError, naming
+from faintrack.kinds.frames.build import (
+    build_background,
+    build_tracker,
+    chosen,
+    frame_interval,
+    holds_power,
+    units_of,
+)
+from faintrack.kinds.frames.sections import FramesScenario
+from faintrack.kinds.kind import Plan
+from faintrack.kinds.loop import first_key
+from faintrack.results.schema import HALF, Component, estimated
+from faintrack.sensors.cells import Cells, cell_surface
+from faintrack.signal.scans import Background
+from faintrack.trackers.single import Following, SingleTargetTracker
+
+BLOCK_BYTES = 8 * 2**20
+"""Of the frames held at once; frames a block follow from it."""
+
+LONGEST_BLOCK = 32
+"""Frames a block at most."""
+
+SNAPSHOTS = 8
+"""Images kept at most."""
+
+LARGEST_VALUE = 1e15
+"""Of a frame: squares of many values are added up in single precision."""
+
+SURFACE = "log of the target likelihood ratio"
+
+
+class FramesStep(eqx.Module):
+    """Frames through background and tracker.
+
+    Attributes
+    ----------
+    background, tracker : what turns a frame into a scan, and what takes it in.
+    cells : of a frame.
+    """
+
+    background: Background
+    tracker: SingleTargetTracker
+    cells: Cells = eqx.field(static=True)
+
+    def scans(self, block: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        """Time, frame, and place among the snapshots, of some frames."""
+        return block
+
+    def advance(
+        self, state: tuple[Any, Following, Array], scan: tuple[Array, Array, Array], key: PRNGKeyArray
+    ) -> tuple[tuple[Any, Following, Array], Any]:
+        """Memory, tracker and snapshots of the surface; the estimate and, of profiles, the rows of the pictures."""
+        memory, following, surfaces = state
+        time, frame, slot = scan
+        memory, scan, relative = self.background.step(memory, time, frame)
+        following, estimate = self.tracker.step(following, scan, key)
+        if len(self.cells.axes) == 1:
+            rows = {"record": relative, "surface": cell_surface(following.belief, self.cells)}
+            return (memory, following, surfaces), (estimate, rows)
+        surfaces = jax.lax.cond(
+            slot < len(surfaces),
+            lambda held: held.at[slot].set(cell_surface(following.belief, self.cells)),
+            lambda held: held,
+            surfaces,
+        )
+        return (memory, following, surfaces), (estimate, {})
+
+
+def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
+    """How a sequence of frames becomes a result.
+
+    Raises
+    ------
+    InputError : sequence and scenario do not fit together, or a frame cannot be read.
+    """
+    if scenario.frames.frame_interval is not None:
+        sequence = replace(sequence, times=np.arange(sequence.length) * scenario.frames.frame_interval)
+    with naming(sequence.source):
+        background, tracker = build_background(scenario, sequence), build_tracker(scenario, sequence)
+    cells, images = Cells(sequence.axes), len(sequence.axes) > 1
+    snapshots = snapshots_of(sequence.length if images else 0)
+    power = holds_power(scenario, sequence)
+    first = jnp.asarray(_checked(sequence.read(0, 1), 0, power, sequence.source)[0])
+    surfaces = jnp.full((len(snapshots), *cells.shape), -jnp.inf, jnp.float32)
+
+    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        stop = min(stop, sequence.length)
+        frames = _checked(sequence.read(start, stop), start, power, sequence.source)
+        numbers = np.arange(start, stop)
+        # From the first frame: single precision resolves no day in frames of a video.
+        times = (sequence.times[start:stop] - sequence.times[0]).astype(np.float32)
+        return times, frames, slots_of(numbers, snapshots)
+
+    def rows(start: int, block: Any, outputs: Any) -> xr.Dataset:
+        estimates, pictures = outputs
+        times = sequence.times[start : start + len(block[0])] - sequence.times[0]
+        return _dataset(times, estimates, pictures, sequence)
+
+    def close(state: tuple[Any, Following, Array]) -> xr.Dataset:
+        shown = np.concatenate([sequence.read(int(number), int(number) + 1) for number in snapshots])
+        return _snapshots(sequence.times[snapshots] - sequence.times[0], shown, np.asarray(state[2]), sequence)
+
+    return Plan(
+        scenario=chosen(scenario, sequence),
+        step=FramesStep(background, tracker, cells),
+        state=(background.init(first), tracker.init(first_key(scenario.filter.seed)), surfaces),
+        read=read,
+        rows=rows,
+        length=sequence.length,
+        size=int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, min(LONGEST_BLOCK, sequence.length))),
+        seed=scenario.filter.seed,
+        close=close if images else None,
+    )
+
+
+def snapshots_of(length: int) -> Int[np.ndarray, " snapshot"]:
+    """Numbers of the scans of which more is kept: `SNAPSHOTS` at most, evenly spaced, the last one among them.
+
+    Examples
+    --------
+    >>> snapshots_of(20).tolist(), snapshots_of(3).tolist()
+    ([1, 4, 6, 9, 11, 14, 16, 19], [0, 1, 2])
+    """
+    count = min(SNAPSHOTS, length)
+    return (np.arange(1, count + 1) * length) // max(count, 1) - 1
+
+
+def slots_of(numbers: Int[np.ndarray, " scan"], snapshots: Int[np.ndarray, " snapshot"]) -> Int[np.ndarray, " scan"]:
+    """Place of every scan among those of which more is kept; their number where it is none of them."""
+    return np.where(np.isin(numbers, snapshots), np.searchsorted(snapshots, numbers), len(snapshots))
+
+
+def _checked(frames: np.ndarray, number: int, power: bool, source: str) -> Float[np.ndarray, "frame *cells"]:
+    """Frames in single precision, the first of which has this number; refuses what nothing can be told from."""
+    flat = np.asarray(frames).reshape(len(frames), -1)
+    low, high = flat.min(axis=1), flat.max(axis=1)
+    for good, problem in (
+        (
+            (low >= -LARGEST_VALUE) & (high <= LARGEST_VALUE),
+            f"values beyond {LARGEST_VALUE:g} or NaN; expected smaller ones",
+        ),
+        ((low >= 0) | (not power), "values below 0; expected power or envelope"),
+    ):
+        if not good.all():
+            raise InputError(f"{source}: frame {number + int(np.argmin(good))} holds {problem}.")
+    return np.asarray(frames, np.float32)
+
+
+def _dataset(times: np.ndarray, estimates: Any, pictures: dict[str, np.ndarray], sequence: Sequence) -> xr.Dataset:
+    """Estimates of a stretch of a sequence in the schema, with the rows of pictures of profiles."""
+    data = estimated(times, estimates, components(sequence))
+    names = {"record": "value over what is expected without a target", "surface": SURFACE}
+    for name, values in pictures.items():
+        half = np.clip(values, -HALF, HALF).astype(np.float16)
+        data[name] = (("time", *_dims(sequence)), half, {"units": "1", "long_name": names[name]})
+    if pictures:
+        data = data.assign_coords(_coordinates(sequence))
+    data.time.attrs["long_name"] = "time from the first frame"
+    return data.assign_attrs(_attributes(sequence))
+
+
+def components(sequence: Sequence) -> tuple[Component, ...]:
+    """Components of the state of a target in frames."""
+    axes = dict(sequence.axes)
+    pairs = {"x": "vx", "y": "vy"} if "x" in axes else {"range": "range_rate"}
+    return (
+        *(Component(name, units_of(name, axes), place=True, rate=rate) for name, rate in pairs.items()),
+        *(Component(rate, units_of(rate, axes)) for rate in pairs.values()),
+    )
+
+
+def _snapshots(times: np.ndarray, frames: np.ndarray, surfaces: np.ndarray, sequence: Sequence) -> xr.Dataset:
+    """Some images of a sequence and the surfaces after them, both with a snapshot axis in place of time."""
+    dims = ("snapshot", *_dims(sequence))
+    coordinates = _coordinates(sequence)
+    coordinates["snapshot"] = ("snapshot", times, {"units": "s", "long_name": "time from the first frame"})
+    variables = {
+        "frame": (dims, frames, {"units": "1", "long_name": "value in the file"}),
+        "surface": (dims, surfaces, {"units": "1", "long_name": SURFACE}),
+    }
+    return xr.Dataset(variables, coordinates)
+
+
+def _dims(sequence: Sequence) -> tuple[str, ...]:
+    """Names of the axes of a frame; those of the components are taken by the means."""
+    return tuple(f"axis_{name}" for name, _ in sequence.axes)
+
+
+def _coordinates(sequence: Sequence) -> dict[str, Any]:
+    axes = dict(sequence.axes)
+    return {
+        f"axis_{name}": (f"axis_{name}", axis.values, {"units": units_of(name, axes), "long_name": name})
+        for name, axis in sequence.axes
+    }
+
+
+def _attributes(sequence: Sequence) -> dict[str, Any]:
+    start = ""
+    if sequence.start_time is not None:
+        start = f"{sequence.start_time + np.timedelta64(round(float(sequence.times[0]) * 1e9), 'ns')}Z"
+    return {
+        "kind": "frames",
+        "source": sequence.source,
+        "start_time": start,
+        "first_scan_time": float(sequence.times[0]),
+        "scan_interval": frame_interval(sequence),
+    }

@@ -1,0 +1,87 @@
+"""Frames drawn from the model: targets in noise, or noise alone."""
+
+import math
+from dataclasses import replace as replaced
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from faintrack.beliefs.axis import Axis
+from faintrack.data.sequence import Sequence
+from faintrack.errors import InputError
+from faintrack.kinds.frames.build import AMPLITUDES, STATES, WIDTH, background_kind
+from faintrack.kinds.frames.sections import FramesScenario, SimulatedTargetSection
+from faintrack.likelihoods.cells import CellLikelihood, gaussian, gaussian_spread, point
+from faintrack.sensors.cells import Cells
+from faintrack.simulation.cells import VALUES
+
+SCENE = 10.0
+"""Brightness of the flat scene behind whitened images, in standard deviations of the noise."""
+
+
+def simulate(scenario: FramesScenario) -> Sequence:
+    """Frames that a scenario's `[simulation]` describes; each is drawn when it is read.
+
+    Raises
+    ------
+    InputError : the scenario has no simulation, or a target does not fit its shape.
+    """
+    table = _simulation(scenario)
+    return _drawn(scenario, table.targets, table.seed)
+
+
+def silence(scenario: FramesScenario, seed: int) -> Sequence:
+    """The same without a target."""
+    return _drawn(scenario, (), seed)
+
+
+def _simulation(scenario: FramesScenario) -> Any:
+    if scenario.simulation is None:
+        raise InputError("the scenario has no [simulation]; expected one with frames and shape.")
+    return scenario.simulation
+
+
+def _drawn(scenario: FramesScenario, targets: tuple[SimulatedTargetSection, ...], seed: int) -> Sequence:
+    table = _simulation(scenario)
+    names = ("range",) if len(table.shape) == 1 else ("y", "x")
+    axes = tuple((name, Axis(0.0, 1.0, count)) for name, count in zip(names, table.shape, strict=True))
+    interval = scenario.frames.frame_interval or 1.0
+    sequence = Sequence(lambda start, stop: np.empty(0), interval * np.arange(table.frames), axes, "simulation")
+    kind = background_kind(scenario, sequence)
+    amplitude = AMPLITUDES[scenario.cells.amplitude or ("swerling1" if kind == "clutter" else "gaussian")]
+    # Heavy tails are in the eye of the likelihood; noise is drawn Gaussian.
+    amplitude = amplitude if amplitude in VALUES else gaussian
+    width = (WIDTH if kind == "whiten" else 0.0) if scenario.cells.width is None else scenario.cells.width
+    spread, reach = (gaussian_spread(width), max(1, round(4 * width))) if width else (point, 0)
+    cells, state = Cells(axes), STATES[frozenset(names)]
+    likelihoods = [CellLikelihood(cells, amplitude, target.level, spread, reach, 5 if width else 1) for target in targets]
+    for number, target in enumerate(targets):
+        if not len(target.place) == len(target.velocity) == len(axes):
+            raise InputError(
+                f"simulation.targets[{number}] has {len(target.place)} places and {len(target.velocity)} velocities; "
+                f"expected {len(axes)}, along {' and '.join(names)}."
+            )
+    raised = SCENE if amplitude is gaussian and kind == "whiten" else 0.0
+
+    def frame(number: int) -> np.ndarray:
+        time = interval * number
+        level = jnp.zeros(cells.shape)
+        for target, likelihood in zip(targets, likelihoods, strict=True):
+            end = math.inf if target.end is None else target.end
+            if target.start <= time < end:
+                since = time - target.start
+                places = {
+                    name: jnp.asarray(place + rate * since)
+                    for name, place, rate in zip(names, target.place, target.velocity, strict=True)
+                }
+                still = {field: jnp.zeros(()) for field in state.__dataclass_fields__ if field not in places}
+                level = level + likelihood.levels(state(**places, **still))
+        key = jax.random.fold_in(jax.random.key(seed), number)
+        return np.asarray(scenario.cells.noise * (VALUES[amplitude](key, level) + raised), np.float32)
+
+    def read(start: int, stop: int) -> np.ndarray:
+        return np.stack([frame(number) for number in range(start, min(stop, table.frames))])
+
+    return replaced(sequence, read=read)

@@ -1,0 +1,94 @@
+"""What is known of a kind of data, as one value, and how such data are taken in.
+
+A kind is what a file can hold: samples of an array, frames, returns of a sonar. Everything that is particular to it
+stands in its folder and is gathered in one `Kind`; the loop (`faintrack.kinds.loop`), the verbs (`faintrack.kinds.door`),
+command line, report and calibration know that value and no kind by name.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import xarray as xr
+from jaxtyping import Array, PRNGKeyArray
+
+from faintrack.kinds.scenario import Scenario
+
+
+class Step(Protocol):
+    """What is compiled: scans of a block, taken in one after the other. An `equinox.Module`."""
+
+    def scans(self, block: Any) -> Any:
+        """Scans of a block, stacked along the first axis of every field; computed for the whole block at once."""
+
+    def advance(self, state: Any, scan: Any, key: PRNGKeyArray) -> tuple[Any, Any]:
+        """State after a scan, and what is to be known of it. `key` is that of the whole run."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How some data become a result.
+
+    Attributes
+    ----------
+    scenario : what is run, with what was chosen for these data filled in.
+    step : what is compiled.
+    state : before the first scan.
+    read : function of (start, stop), numbers of scans, to arrays with one entry a scan along their first axis, as
+        `step.scans` takes them. Fewer than asked for is the end.
+    rows : function of (start, block, outputs), the number of the first scan, what was read and what `step.advance` gave,
+        to a dataset in the schema of `faintrack.results.schema`.
+    length : number of scans; None where it is not known beforehand.
+    size : scans taken in at once.
+    seed : of the random numbers.
+    close : function of the last state to what is known at the end, without a time axis; None where there is nothing.
+    """
+
+    scenario: Scenario
+    step: Step
+    state: Any
+    read: Callable[[int, int], Any]
+    rows: Callable[[int, Any, Any], xr.Dataset]
+    length: int | None
+    size: int
+    seed: int
+    close: Callable[[Any], xr.Dataset] | None = None
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of data.
+
+    Attributes
+    ----------
+    name : one word, as in a scenario.
+    title : what it is in a few words.
+    scenario : class of its scenarios.
+    data : class of its data in memory.
+    holds : whether files can be nothing else; function of paths.
+    read : function of paths and a scenario, or None where there is none, to data.
+    write : function of a path and data, that writes what `read` reads.
+    plan : function of data and scenario to a `Plan`.
+    simulate : function of a scenario to data that its `[simulation]` describes.
+    silence : function of a scenario and a seed to such data without a target.
+    describe : facts of data as `faintrack info` tells them, by name.
+    about : facts of a result as its report tells them, by name.
+    draw : function of a result to a figure of matplotlib.
+    shown : what the figure shows.
+    """
+
+    name: str
+    title: str
+    scenario: type[Scenario]
+    data: type
+    holds: Callable[[tuple[Path, ...]], bool]
+    read: Callable[[tuple[Path, ...], Any], Any]
+    write: Callable[[Path, Any], None]
+    plan: Callable[[Any, Any], Plan]
+    simulate: Callable[[Any], Any]
+    silence: Callable[[Any, int], Any]
+    describe: Callable[[Any], dict[str, str]]
+    about: Callable[[Any], dict[str, str]]
+    draw: Callable[[Any], Any]
+    shown: str

@@ -1,0 +1,160 @@
+"""The one loop: data of any kind through their plan, block by block, keyed, to be taken up again.
+
+One compiled program serves every block, also the last one, which is filled up with copies of its last scan: only the
+scans that there are advance the state. Memory does not grow with the number of scans. A `Checkpoint` is all that is
+needed to go on later, in another process too.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Int, PRNGKeyArray
+
+from faintrack.errors import InputError
+from faintrack.kinds.kind import Plan, Step
+
+FIRST_KEY = 2**31 - 1
+"""Number of the key from which a tracker begins; scans count from 0."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where a run stands.
+
+    Attributes
+    ----------
+    state : after the last scan that was taken in.
+    scans : taken in so far.
+    """
+
+    state: Any
+    scans: int
+
+
+def run_key(plan_seed: int) -> PRNGKeyArray:
+    """Key of a whole run."""
+    return jax.random.key(plan_seed)
+
+
+def first_key(seed: int) -> PRNGKeyArray:
+    """Key with which a tracker begins."""
+    return jax.random.fold_in(run_key(seed), FIRST_KEY)
+
+
+def advance(
+    plan: Plan, since: Checkpoint | None = None, size: int | None = None
+) -> Iterator[tuple[Checkpoint, xr.Dataset]]:
+    """Yield what is known of consecutive scans, a block at a time, and where the run stands after them.
+
+    Parameters
+    ----------
+    plan : of the data.
+    since : where to go on; from the first scan where not given.
+    size : scans taken in at once, instead of the plan's.
+
+    Raises
+    ------
+    InputError : the data cannot be read, or a belief is lost to a value that is no number.
+    """
+    size = plan.size if size is None else size
+    key = run_key(plan.seed)
+    state, start = (plan.state, 0) if since is None else (since.state, since.scans)
+    while plan.length is None or start < plan.length:
+        stop = start + size if plan.length is None else min(start + size, plan.length)
+        block = plan.read(start, stop)
+        used = _length(block)
+        if used == 0:
+            return
+        state, outputs = _take_in(plan.step, state, _filled(block, size), jnp.asarray(used), key)
+        outputs = jax.tree.map(lambda values, used=used: np.asarray(values)[:used], outputs)
+        rows = plan.rows(start, block, outputs)
+        _require_numbers(rows, start)
+        start += used
+        yield Checkpoint(state, start), rows
+        if used < stop - (start - used):
+            return
+
+
+def datasets(plan: Plan, since: Checkpoint | None = None) -> Iterator[xr.Dataset]:
+    """Yield the blocks of a result, what is known at the end after the others."""
+    last = since
+    for last, rows in advance(plan, since):
+        yield rows
+    if plan.close is not None and last is not None:
+        yield plan.close(last.state)
+
+
+def save_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
+    """Write where a run stands; `load_checkpoint` reads it for a plan of the same data and scenario."""
+    with Path(path).open("wb") as file:
+        eqx.tree_serialise_leaves(file, (checkpoint.state, jnp.asarray(checkpoint.scans)))
+
+
+def load_checkpoint(path: str | Path, plan: Plan) -> Checkpoint:
+    """Where a run stood.
+
+    Parameters
+    ----------
+    path : that `save_checkpoint` wrote.
+    plan : of the same data and scenario.
+
+    Raises
+    ------
+    InputError : the file is missing or damaged, or was written for another scenario.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            state, scans = eqx.tree_deserialise_leaves(file, (plan.state, jnp.asarray(0)))
+    except (OSError, RuntimeError, ValueError, EOFError) as error:
+        raise InputError(f"{path} is no state of a run with this scenario ({type(error).__name__}).") from error
+    return Checkpoint(state, int(scans))
+
+
+@eqx.filter_jit
+def _take_in(step: Step, state: Any, block: Any, used: Int[Array, ""], key: PRNGKeyArray) -> tuple[Any, Any]:
+    """State after the scans in use of a block, and the outputs of all of them, stacked."""
+    scans = step.scans(block)
+    size = jax.tree.leaves(scans)[0].shape[0]
+
+    def one(number: Any, state: Any) -> tuple[Any, Any]:
+        return step.advance(state, jax.tree.map(lambda leaf: leaf[number], scans), key)
+
+    def body(number: Any, carried: tuple[Any, Any]) -> tuple[Any, Any]:
+        state, outputs = carried
+        state, output = one(number, state)
+        return state, jax.tree.map(lambda held, value: held.at[number].set(value), outputs, output)
+
+    shapes = jax.eval_shape(one, 0, state)[1]
+    outputs = jax.tree.map(lambda leaf: jnp.zeros((size, *leaf.shape), leaf.dtype), shapes)
+    return jax.lax.fori_loop(0, used, body, (state, outputs))
+
+
+def _length(block: Any) -> int:
+    return len(jax.tree.leaves(block)[0])
+
+
+def _filled(block: Any, size: int) -> Any:
+    """A block whose arrays are filled up to `size` entries with copies of their last."""
+
+    def fill(values: Any) -> Any:
+        values = np.asarray(values)
+        missing = size - len(values)
+        return jnp.asarray(np.concatenate([values, np.repeat(values[-1:], missing, axis=0)]) if missing else values)
+
+    return jax.tree.map(fill, block)
+
+
+def _require_numbers(rows: xr.Dataset, start: int) -> None:
+    """Stop where existence is no number: a belief that holds one never recovers."""
+    good = np.isfinite(rows.existence.values).all(axis=1)
+    if not good.all():
+        raise InputError(
+            f"scan {start + int(np.argmin(good))} made the belief no number; please report this with the scenario."
+        )

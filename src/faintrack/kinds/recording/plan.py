@@ -1,0 +1,218 @@
+"""How the recording of an array becomes a result: beamformer, tracker, and the rows of the bearing-time record."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
+
+from faintrack.baselines.detect_and_track import DetectAndTrack
+from faintrack.data.recording import Recording
+from faintrack.errors import InputError, naming
+from faintrack.io.arrays import match_channels
+from faintrack.kinds.kind import Plan
+from faintrack.kinds.loop import first_key
+from faintrack.kinds.recording.build import build_beamformer, build_tracker, default_snr_db
+from faintrack.kinds.recording.sections import RecordingScenario
+from faintrack.results.schema import bearing, estimated, of_scans
+from faintrack.scenario.array import build, describe
+from faintrack.sensors.array import SensorArray
+from faintrack.sensors.beams import BeamScan, bearings
+from faintrack.signal.beamformer import Beamformer
+from faintrack.signal.energies import energies
+from faintrack.signal.frames import FrameBlock, framed, frames
+from faintrack.trackers.single import Estimate, SingleTargetTracker
+
+BLOCK_BYTES = 8 * 2**20
+"""Beam power held at once; frames a block follow from it. What lies on the way to it takes several times as much:
+beyond some 30 MiB the memory of every block is fetched anew from the system, which takes longer than the sums."""
+
+LONGEST_BLOCK = 32
+"""Frames a block at most: beyond it the beamformer gains nothing."""
+
+
+class RecordingStep(eqx.Module):
+    """Frames through beamformer and tracker."""
+
+    beamformer: Beamformer
+    tracker: SingleTargetTracker | DetectAndTrack
+
+    def scans(self, block: tuple[Array, Array, Array]) -> tuple[BeamScan, Float[Array, "frame beam"]]:
+        """Scans of time, samples and usable channels of some frames, and the rows of the record in dB."""
+        scans = self.beamformer.scan(*block)
+        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(energies(scans)), 1e-6))
+
+    def advance(
+        self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"]], key: PRNGKeyArray
+    ) -> tuple[Any, tuple[Estimate, Float[Array, " beam"]]]:
+        """As `faintrack.kinds.kind.Step.advance`."""
+        following, estimate = self.tracker.step(state, scan[0], key)
+        return following, (estimate, scan[1])
+
+
+def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
+    """How a recording becomes a result.
+
+    Raises
+    ------
+    InputError : there is no array, or recording, array, band and frame do not fit together.
+    """
+    array = array_of(recording, scenario)
+    beamformer, length, count = plan_frames(recording, array, scenario)
+    seconds = scenario.likelihood.noise_seconds
+    noise_power = None if seconds is None else measure_noise(recording, beamformer, length, seconds)
+    with naming(recording.source):
+        tracker = build_tracker(scenario, array, beamformer, noise_power)
+    frame_bytes = 4 * max(beamformer.grid.frequency.size * beamformer.grid.beams, length * recording.channels)
+    heard = np.zeros(recording.channels, bool)
+
+    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        block = framed(recording, length, start, min(stop, count) - start)
+        return block.time, block.samples, block.usable
+
+    def rows(start: int, block: tuple[np.ndarray, ...], outputs: tuple[Estimate, np.ndarray]) -> xr.Dataset:
+        usable = block[2]
+        np.logical_or(heard, usable.any(axis=0), out=heard)
+        if start + len(usable) == count:
+            _require_heard(recording, array, heard)
+        return _dataset(block[0], usable, *outputs, array, recording, scenario.analysis.frame)
+
+    return Plan(
+        scenario=_chosen(scenario, array, beamformer, recording.sample_rate),
+        step=RecordingStep(beamformer, tracker),
+        state=tracker.init(first_key(scenario.filter.seed)),
+        read=read,
+        rows=rows,
+        length=count,
+        size=int(np.clip(BLOCK_BYTES // frame_bytes, 1, min(LONGEST_BLOCK, count))),
+        seed=scenario.filter.seed,
+    )
+
+
+def array_of(recording: Recording, scenario: RecordingScenario) -> SensorArray:
+    """Array of a scenario, its channels in the order of a recording's.
+
+    Raises
+    ------
+    InputError : there is no array, or it has other channels.
+    """
+    if scenario.array is None:
+        raise InputError(
+            f"{recording.source} holds {recording.channels} channels at {recording.sample_rate:g} Hz and no array was "
+            "given; expected array, a file (--array FILE) or a section of the scenario with the channels' positions."
+        )
+    return match_channels(build(scenario.array), recording)
+
+
+def plan_frames(
+    recording: Recording, array: SensorArray, scenario: Any
+) -> tuple[Beamformer, int, int]:
+    """Beamformer of a recording, samples of a frame, and number of frames.
+
+    Parameters
+    ----------
+    recording, array : samples, and the geometry of their channels.
+    scenario : with `analysis`.
+
+    Raises
+    ------
+    InputError : recording, array, band and frame do not fit together.
+    """
+    if recording.channels != len(array.gains):
+        raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(array.gains)}.")
+    with naming(recording.source):
+        beamformer = build_beamformer(scenario.analysis, array, recording.sample_rate)
+    length = round(scenario.analysis.frame * recording.sample_rate)
+    count = recording.length // length
+    if count == 0:
+        raise InputError(
+            f"{recording.source} lasts {recording.duration:g} s; "
+            f"expected at least one frame of {scenario.analysis.frame:g} s."
+        )
+    return beamformer, length, count
+
+
+def measure_noise(
+    recording: Recording, beamformer: Beamformer, length: int, seconds: float
+) -> Float[np.ndarray, " frequency"]:
+    """Mean power of a channel in every bin over the first seconds of a recording.
+
+    Parameters
+    ----------
+    recording, beamformer : samples, and how they become scans.
+    length : samples in a frame.
+    seconds : from the start, as much as is measured.
+
+    Raises
+    ------
+    InputError : the recording has no whole frame in that time.
+    """
+    powers = []
+    for block in frames(recording, length, block=1):
+        if block.time[0] > seconds:
+            break
+        scan = beamformer.scan(jnp.asarray(block.time), jnp.asarray(block.samples), jnp.asarray(block.usable))
+        if scan.channels[0] > 0:
+            powers.append(np.asarray(scan.total_power[0] / (scan.channels[0] * beamformer.grid.snapshots)))
+    if not powers:
+        raise InputError(
+            f"{recording.source}: no whole frame in the first {seconds:g} s, from which to measure the noise."
+        )
+    return np.mean(powers, axis=0)
+
+
+def _chosen(
+    scenario: RecordingScenario, array: SensorArray, beamformer: Beamformer, sample_rate: float
+) -> RecordingScenario:
+    """Scenario with what was chosen for a recording filled in."""
+    grid = beamformer.grid
+    analysis = scenario.analysis.model_copy(
+        update={"beams": grid.beams, "snapshot": beamformer.snapshot / sample_rate}
+    )
+    snr_db = scenario.target.snr_db or default_snr_db(array, grid)
+    target = scenario.target.model_copy(update={"snr_db": tuple(map(float, snr_db))})
+    return scenario.model_copy(update={"array": describe(array), "analysis": analysis, "target": target})
+
+
+def _require_heard(recording: Recording, array: SensorArray, heard: Bool[np.ndarray, " channel"]) -> None:
+    """Refuse channels that are used and never held a finite sample."""
+    silent = [
+        name for name, ok, alive in zip(recording.channel_names, heard, array.alive, strict=True) if alive and not ok
+    ]
+    if silent:
+        raise InputError(
+            f"{recording.source}: channel {silent[0]} has no frame without samples that are not finite; "
+            "expected numbers, or the channel in the array's list of dead ones."
+        )
+
+
+def _dataset(
+    time: np.ndarray,
+    usable: np.ndarray,
+    estimates: Estimate,
+    record: np.ndarray,
+    array: SensorArray,
+    recording: Recording,
+    frame: float,
+) -> xr.Dataset:
+    """Estimates of consecutive frames in the schema, with the bearing-time record."""
+    reference = "clockwise from north" if array.circular else "from the array axis"
+    masked = (~usable & array.alive).sum(axis=1).astype(np.int32)
+    data = estimated(time, estimates, bearing(reference))
+    data["masked_channels"] = of_scans(
+        masked, "1", "channels left out, samples not finite", counted="masked_scans"
+    )
+    data["record"] = (
+        ("time", "beam"),
+        record,
+        {"units": "dB", "long_name": "beam power over the sum of the channels' powers"},
+    )
+    degrees = {"units": "degree", "long_name": "bearing", "reference": reference}
+    data = data.assign_coords(beam=("beam", np.degrees(bearings(record.shape[1], array.circular)), degrees))
+    data.time.attrs["long_name"] = "time from the start of the recording"
+    start = "" if recording.start_time is None else f"{recording.start_time}Z"
+    return data.assign_attrs(
+        kind="recording", source=recording.source, start_time=start, first_scan_time=0.0, scan_interval=frame
+    )

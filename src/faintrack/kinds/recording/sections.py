@@ -1,0 +1,179 @@
+"""Sections of a scenario for the recording of an array."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.array import ArraySection
+from faintrack.scenario.section import Pair, Section
+from faintrack.scenario.sections import ParticlesSection, TargetSection, TrackerSection
+
+
+class AnalysisSection(Section):
+    """How samples become scans; see `faintrack.signal.beamformer.beamformer`.
+
+    Attributes
+    ----------
+    band : lowest and highest frequency; Hz. Everything where not given.
+    frame : between scans; s.
+    beams : number of bearings; chosen from the array where not given.
+    snapshot : length of one transform within a frame; s; chosen from the array where not given.
+    """
+
+    band: Pair | None = None
+    frame: float = Field(default=1.0, gt=0)
+    beams: int | None = Field(default=None, ge=8, le=7200)
+    snapshot: float | None = Field(default=None, gt=0)
+
+
+class SourceTargetSection(TargetSection):
+    """What is known of targets before any scan.
+
+    Attributes
+    ----------
+    arrival_rate : of an absent target; per second.
+    departure_rate : of a present target; per second.
+    bearing_rate_deg : new targets turn at most this fast, either way; degrees a second.
+    bearing_rate_noise_deg : density of the bearing acceleration; degrees a second per root second.
+    snr_db : lowest and highest SNR of a target at one channel, in the band; dB. Where not given, from the SNR at
+        which a frame tells 0.02 nats of a target, to 20 dB.
+    snr_noise_db : random walk of the SNR; dB per root second.
+    """
+
+    bearing_rate_deg: float = Field(default=0.5, ge=0)
+    bearing_rate_noise_deg: float = Field(default=0.05, ge=0)
+    snr_db: Pair | None = None
+    snr_noise_db: float = Field(default=0.5, ge=0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "SourceTargetSection":
+        if self.snr_db is not None and not self.snr_db[0] < self.snr_db[1]:
+            raise ValueError("snr_db: expected the lowest SNR first")
+        return self
+
+
+class LikelihoodSection(Section):
+    """Which likelihood reads the scans.
+
+    Attributes
+    ----------
+    kind : "unknown_noise", the noise power of every frequency and frame integrated out; "known_noise"; or "lobe_width".
+    noise_power : for "known_noise": variance of the noise in one sample of a channel, the same at all frequencies.
+    noise_seconds : for "known_noise", instead: the noise power of each frequency is measured over the first seconds.
+    exponent : for "lobe_width": to which the beam power is raised.
+    """
+
+    kind: Literal["unknown_noise", "known_noise", "lobe_width"] = "unknown_noise"
+    noise_power: float | None = Field(default=None, gt=0)
+    noise_seconds: float | None = Field(default=None, gt=0)
+    exponent: float = Field(default=5.0, gt=0)
+
+    @model_validator(mode="after")
+    def _noise_is_known(self) -> "LikelihoodSection":
+        given = (self.noise_power is not None) + (self.noise_seconds is not None)
+        if given != (self.kind == "known_noise"):
+            raise ValueError('kind "known_noise" takes exactly one of noise_power and noise_seconds, the others none')
+        return self
+
+
+class GuidedSection(ParticlesSection):
+    """What carries the belief: particles.
+
+    Attributes
+    ----------
+    particles : that follow a target.
+    births : newborn particles a scan.
+    guided : whether newborn particles are drawn where the scan points, which loud sources need; otherwise everywhere.
+    seed : of the random numbers.
+    """
+
+    guided: bool = True
+
+
+class MethodSection(TrackerSection):
+    """How tracks come about.
+
+    Attributes
+    ----------
+    method : "bernoulli", track before detect; or "cfar", the classical baseline (`faintrack.baselines`), which reads no
+        likelihood and no particle filter.
+    declare : existence at which a track begins.
+    drop : existence of the track's own below which it ends.
+    """
+
+    method: Literal["bernoulli", "cfar"] = "bernoulli"
+
+
+class CfarSection(Section):
+    """Detection and track score of `tracker.method` "cfar".
+
+    Attributes
+    ----------
+    false_alarm_probability : of a beam in a frame of noise.
+    guard, window : beams left out, and reference beams beyond them, on either side; from the main lobe where not given.
+    detection_probability : of a target in a frame.
+    """
+
+    false_alarm_probability: float = Field(default=0.05, gt=0, lt=0.5)
+    guard: int | None = Field(default=None, ge=0)
+    window: int | None = Field(default=None, ge=1)
+    detection_probability: float = Field(default=0.65, gt=0, lt=1)
+
+
+class SourceSection(Section):
+    """A source that moves at a constant bearing rate and is heard from `start` to `end`.
+
+    Attributes
+    ----------
+    snr_db : variance of its signal over variance of the noise at one channel; dB.
+    bearing_deg : at `start`; degrees, from the axis of a line array or clockwise from north.
+    bearing_rate_deg : degrees a second.
+    start, end : seconds from the start of the recording; to its end where not given.
+    """
+
+    snr_db: float
+    bearing_deg: float
+    bearing_rate_deg: float = 0.0
+    start: float = Field(default=0.0, ge=0)
+    end: float | None = None
+
+
+class SimulationSection(Section):
+    """A recording to draw.
+
+    Attributes
+    ----------
+    duration : s.
+    sample_rate : Hz.
+    seed : of the random numbers.
+    noise_power : variance of the noise in each channel.
+    noise_slope_db : dB per octave of the noise's spectrum; 0 for white noise.
+    sources : what is heard.
+    """
+
+    duration: float = Field(gt=0, examples=[180.0])
+    sample_rate: float = Field(gt=0, examples=[4000.0])
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    noise_power: float = Field(default=1.0, gt=0)
+    noise_slope_db: float = Field(default=0.0, ge=-24, le=24)
+    sources: Annotated[tuple[SourceSection, ...], Field(strict=False)] = ()
+
+
+class RecordingScenario(Scenario):
+    """What to run with the recording of an array.
+
+    Attributes
+    ----------
+    array : positions of the channels, as in a file of its own or the name of one; see `faintrack.scenario.array`.
+    """
+
+    kind: Literal["recording"] = "recording"
+    array: ArraySection | None = None
+    analysis: AnalysisSection = AnalysisSection()
+    target: SourceTargetSection = SourceTargetSection()
+    likelihood: LikelihoodSection = LikelihoodSection()
+    filter: GuidedSection = GuidedSection()
+    tracker: MethodSection = MethodSection()
+    cfar: CfarSection = CfarSection()
+    simulation: SimulationSection | None = None

@@ -1,0 +1,90 @@
+"""Recordings drawn from the model: sources in noise, or noise alone."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from faintrack.data.recording import Recording
+from faintrack.errors import InputError
+from faintrack.kinds.recording.sections import RecordingScenario, SimulationSection
+from faintrack.scenario.array import build
+from faintrack.sensors.array import SensorArray
+from faintrack.simulation.samples import Source, draw_samples
+
+
+def simulate(scenario: RecordingScenario) -> Recording:
+    """Recording that a scenario's `[simulation]` describes; samples are drawn as they are read, in order.
+
+    Raises
+    ------
+    InputError : the scenario has no simulation or no array, or a source ends before it starts.
+    """
+    table = _simulation(scenario)
+    return _drawn(simulated_array(scenario), table, sources_of(table), table.seed)
+
+
+def silence(scenario: RecordingScenario, seed: int) -> Recording:
+    """The same without a source."""
+    return _drawn(simulated_array(scenario), _simulation(scenario), [], seed)
+
+
+def simulated_array(scenario: RecordingScenario) -> SensorArray:
+    """Array of a scenario.
+
+    Raises
+    ------
+    InputError : the scenario has no array.
+    """
+    if scenario.array is None:
+        raise InputError("the scenario has no [array]; expected one to simulate.")
+    return build(scenario.array)
+
+
+def sources_of(table: SimulationSection) -> list[Source]:
+    """Sources of a simulation, in SI units.
+
+    Raises
+    ------
+    InputError : a source ends before it starts.
+    """
+    sources = []
+    for number, source in enumerate(table.sources):
+        end = math.inf if source.end is None else source.end
+        if not end > source.start:
+            raise InputError(
+                f"simulation.sources[{number}].end is {end:g} s; expected more than start, {source.start:g} s."
+            )
+        rate = math.radians(source.bearing_rate_deg)
+        sources.append(Source(source.snr_db, math.radians(source.bearing_deg), rate, source.start, end))
+    return sources
+
+
+def _simulation(scenario: RecordingScenario) -> SimulationSection:
+    if scenario.simulation is None:
+        raise InputError("the scenario has no [simulation]; expected one with duration and sample_rate.")
+    return scenario.simulation
+
+
+def _drawn(array: SensorArray, table: SimulationSection, sources: list[Source], seed: int) -> Recording:
+    """Recording whose samples are drawn when they are read; what was read before is drawn again from the start."""
+    blocks: Iterator[np.ndarray] = iter(())
+    held, position = np.empty((0, len(array.gains)), np.float32), -1
+
+    def read(start: int, stop: int) -> np.ndarray:
+        nonlocal blocks, held, position
+        if position < 0 or start < position:
+            blocks = draw_samples(
+                array, sources, table.duration, table.sample_rate, seed, table.noise_power, table.noise_slope_db
+            )
+            held, position = held[:0], 0
+        while position + len(held) < stop:
+            block = next(blocks, None)
+            if block is None:
+                break
+            skipped = max(0, min(start - position, len(held)))
+            held, position = np.concatenate([held[skipped:], block]), position + skipped
+        return held[start - position : stop - position]
+
+    length = round(table.duration * table.sample_rate)
+    return Recording(read, length, table.sample_rate, array.channel_names, source="simulation")

@@ -1,0 +1,93 @@
+"""Pieces of pictures that results of several kinds share: tracks, existence, components over time."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from faintrack.results.schema import units
+from faintrack.results.track import Track, tracks_of
+
+TRACK = "#D55E00"
+LINE = "#0072B2"
+GREY = "#666666"
+COLUMNS = 2000
+"""Scans in a picture at most; more are drawn by their largest value."""
+
+
+def mark_label(axes: Axes, label: int, place: tuple[float, float], size: float | None = None) -> None:
+    """Number of a track at its start."""
+    axes.annotate(
+        str(label),
+        place,
+        xytext=(-3, 5),
+        textcoords="offset points",
+        ha="right",
+        color="white",
+        weight="bold",
+        fontsize=size,
+        bbox={"boxstyle": "round,pad=0.2", "color": TRACK},
+    )
+
+
+def draw_paths(axes: Axes, data: xr.Dataset, across: str, up: str, deviations: bool = False) -> None:
+    """Each track as a line with its label at its start.
+
+    Parameters
+    ----------
+    axes : to draw on.
+    data : of a result.
+    across, up : component on each axis, or `time`.
+    deviations : whether thin lines tell where `up` is two standard deviations away.
+    """
+    for track in tracks_of(data):
+        x, y = (np.asarray(track.time if name == "time" else track.mean[name], float) for name in (across, up))
+        # A line that jumps across the ends of the circle would cross the picture.
+        jumps = np.flatnonzero(np.abs(np.diff(y)) > 180) + 1 if track.units.get(up) == "degree" else np.array([], int)
+        offsets = ((0, 1.6), (-2, 0.7), (2, 0.7)) if deviations else ((0, 1.0),)
+        for offset, width in offsets:
+            line = np.insert(y + offset * track.std[up] if offset else y, jumps, np.nan)
+            axes.plot(np.insert(x, jumps, np.nan), line, color=TRACK, linewidth=width)
+        mark_label(axes, track.label, (x[0], y[0]), None if deviations else 8)
+
+
+def draw_existence(axes: Axes, data: xr.Dataset, declare: float, drop: float) -> None:
+    """Probability of existence in each slot, with the thresholds that begin and end a track."""
+    existence = data.existence.values
+    for slot in range(existence.shape[1]):
+        if np.any(existence[:, slot] > 0):
+            axes.plot(data.time, existence[:, slot], color=LINE, linewidth=1.2)
+    for name, level in (("declare", declare), ("drop", drop)):
+        axes.axhline(level, color=GREY, linestyle="--", linewidth=0.8)
+        axes.text(
+            0.003, level - 0.09, f"{name} {level:g}", transform=axes.get_yaxis_transform(), fontsize=8, color=GREY
+        )
+    axes.set_ylim(-0.02, 1.05)
+    axes.set_ylabel("probability of\nexistence")
+    axes.grid(alpha=0.3)
+
+
+def draw_component(axes: Axes, data: xr.Dataset, name: str, colour: str = LINE, deviations: float = 2) -> None:
+    """A component of the tracks over time, with a band of so many standard deviations."""
+    for track in tracks_of(data):
+        middle, std = track.mean[name], deviations * track.std[name]
+        axes.plot(track.time, middle, color=colour, linewidth=1.2)
+        axes.fill_between(track.time, middle - std, middle + std, color=colour, alpha=0.25, linewidth=0)
+    axes.set_ylabel(f"{name.replace('_', ' ')} ({units(data)[name]})")
+    axes.grid(alpha=0.3)
+
+
+def until(data: xr.Dataset, time: float) -> Iterator[tuple[Track, int]]:
+    """Tracks in hand at a time, each with the number of its scans up to then."""
+    nearest = float(data.time.sel(time=time, method="nearest"))
+    for track in tracks_of(data):
+        number = int(np.searchsorted(track.time, nearest, side="right"))
+        if number and track.time[number - 1] == nearest:
+            yield track, number
+
+
+def ends(values: np.ndarray) -> tuple[float, float]:
+    """Where the first cell of an axis begins and the last one ends."""
+    half = (values[-1] - values[0]) / max(len(values) - 1, 1) / 2 or 0.5
+    return float(values[0] - half), float(values[-1] + half)

@@ -1,0 +1,133 @@
+"""A report of one file that a person can mail: summary, picture, table of tracks."""
+
+import base64
+import html
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from faintrack.results.result import Result
+from faintrack.results.schema import column, places, units
+from faintrack.results.track import DEGREES
+from faintrack.scenario.section import to_toml
+
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a;
+background: #fff; } h1 { font-size: 1.5rem; margin-bottom: 0.25rem; } h2 { font-size: 1.1rem; margin-top: 2rem; }
+img { width: 100%; height: auto; }
+table { border-collapse: collapse; } th, td { padding: 0.25rem 0.9rem; border-bottom: 1px solid #ddd; text-align:
+right; }
+th { text-align: right; font-weight: 600; } pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size:
+13px; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: 0.1rem 1.2rem; } dt { color: #555; } dd { margin: 0; }
+"""
+
+
+def track_headings(result: Result) -> list[tuple[str, str, str]]:
+    """What a table shows of tracks: name in `Track.summary`, heading, format."""
+    data = result.data
+    of, place = units(data), places(data)
+    earth = [name for name in DEGREES if name in data]
+    shown = [("label", "track", "d"), ("start_s", "start s", ".5g"), ("end_s", "end s", ".5g")]
+    for end in ("start", "end"):
+        # In latitude and longitude the metres would only fill the line.
+        for name in earth or place:
+            unit = "degree" if earth else of[name]
+            title = column(name, unit)
+            form = ".4f" if earth else (".1f" if unit == "degree" else ".5g")
+            shown.append((f"{title}_{end}", f"{name} {end} {_short(unit)}", form))
+    if len(place) == 1:
+        shown.append((f"{column(place[0], of[place[0]])}_std", f"std {_short(of[place[0]])}", ".2g"))
+    rate = f"{of[place[0]]}/s"
+    shown.append((column("speed", rate), f"speed {_short(rate)}", ".3g"))
+    shown += [(column(name, unit), f"{name.removesuffix('_db').upper()} dB", ".1f") for name, unit in of.items() if unit == "dB"]
+    return [*shown, ("existence_max", "existence", ".4f")]
+
+
+def track_rows(result: Result) -> list[list[str]]:
+    """Rows of a table of tracks, as `track_headings` names their columns."""
+    headings = track_headings(result)
+    return [[_text(row[name], form) for name, _, form in headings] for row in (t.summary() for t in result.tracks)]
+
+
+def track_table(result: Result) -> str:
+    """Tracks as a table of HTML."""
+    if not result.tracks:
+        return "<p>No track was declared.</p>"
+    return table([heading for _, heading, _ in track_headings(result)], track_rows(result))
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of HTML; texts are escaped."""
+    head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)
+    body = "".join("<tr>" + "".join(f"<td>{html.escape(text)}</td>" for text in row) + "</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def write_report(path: str | Path, result: Result) -> Path:
+    """Write the report of a result as one self-contained HTML file, beside its place first and then renamed.
+
+    Returns
+    -------
+    The path.
+    """
+    path = Path(path)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(report(result), encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def report(result: Result) -> str:
+    """HTML text of a report."""
+    facts = {**result.kind.about(result), **_counts(result)}
+    rows = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in facts.items())
+    files = str(result.data.attrs["source"]).split(" and ")
+    name = html.escape(" and ".join(Path(file).name for file in files))
+    shown = html.escape(result.kind.shown)
+    remarks = "".join(f"<li>{html.escape(remark)}</li>" for remark in result.remarks)
+    remarks = f"<h2>Assumed, left out</h2><ul>{remarks}</ul>" if remarks else ""
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>faintrack: {name}</title><style>{STYLE}</style></head><body>
+<h1>{_count(len(result.tracks))} in {name}</h1>
+<dl>{rows}</dl>{remarks}
+<h2>Tracks</h2>{track_table(result)}
+<h2>{shown}</h2>
+<img alt="{shown}, with the tracks" src="{_picture(result)}">
+<h2>Scenario</h2><details><summary>What was run</summary><pre>{html.escape(to_toml(result.scenario))}</pre></details>
+</body></html>
+"""
+
+
+def _counts(result: Result) -> dict[str, str]:
+    """Scans in which something happened that a reader must know."""
+    counts = {}
+    for values in result.data.data_vars.values():
+        if "counted" in values.attrs:
+            number = int((values > 0).sum())
+            counts[str(values.attrs["counted"]).replace("_", " ")] = f"{number} ({values.attrs['long_name']})"
+    return counts
+
+
+def _short(unit: str) -> str:
+    return unit.replace("degree", "deg")
+
+
+def _text(value: Any, form: str) -> str:
+    return "" if isinstance(value, float) and math.isnan(value) else format(value, form)
+
+
+def _count(number: int) -> str:
+    return "No track" if number == 0 else f"{number} track{'s' if number > 1 else ''}"
+
+
+def _picture(result: Result) -> str:
+    buffer = io.BytesIO()
+    result.plot().savefig(buffer, format="png", dpi=130)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()

@@ -1,0 +1,62 @@
+"""Sections that scenarios of several kinds have, or build on."""
+
+from pydantic import Field, model_validator
+
+from faintrack.scenario.section import Section
+
+
+class TargetSection(Section):
+    """How often targets come and go.
+
+    Attributes
+    ----------
+    arrival_rate : of an absent target; per second.
+    departure_rate : of a present target; per second.
+    """
+
+    arrival_rate: float = Field(default=0.001, gt=0)
+    departure_rate: float = Field(default=0.005, gt=0)
+
+
+class SeedSection(Section):
+    """What carries the belief.
+
+    Attributes
+    ----------
+    seed : of the random numbers.
+    """
+
+    seed: int = Field(default=0, ge=0, lt=2**32)
+
+
+class ParticlesSection(SeedSection):
+    """What carries the belief: particles.
+
+    Attributes
+    ----------
+    particles : that follow a target.
+    births : newborn particles a scan.
+    seed : of the random numbers.
+    """
+
+    particles: int = Field(default=1000, ge=10, le=1_000_000)
+    births: int = Field(default=250, ge=10, le=1_000_000)
+
+
+class TrackerSection(Section):
+    """How tracks come about.
+
+    Attributes
+    ----------
+    declare : existence at which a track begins.
+    drop : existence of the track's own below which it ends.
+    """
+
+    declare: float = Field(default=0.97, gt=0, lt=1)
+    drop: float = Field(default=0.3, gt=0, lt=1)
+
+    @model_validator(mode="after")
+    def _hysteresis(self) -> "TrackerSection":
+        if not self.drop < self.declare:
+            raise ValueError("drop: expected less than declare")
+        return self
