@@ -138,7 +138,10 @@ class DetectAndTrack(eqx.Module):
         row = jnp.where(kept, jnp.argmax(mine), best)
         held = jnp.where(kept | declares, tracks.label[row], 0)
         reported = standing.reported + declares
-        std = jnp.sqrt(tracks.covariance[row])
+        first, both, second = tracks.covariance[row]
+        # How far off the level is it does not know.
+        unknown = jnp.full_like(first, jnp.nan)
+        covariance = jnp.array([[first, both, unknown], [both, second, unknown], [unknown, unknown, unknown]])
         snr_db = 10 * jnp.log10(jnp.maximum(tracks.excess[row], 1e-3) / jnp.maximum(scan.channels, 1))
         estimate = Estimate(
             scan.time,
@@ -146,8 +149,8 @@ class DetectAndTrack(eqx.Module):
             jnp.where(held > 0, reported, 0),
             existence[row],
             BearingState(tracks.bearing[row], tracks.bearing_rate[row], snr_db),
-            BearingState(std[0], std[2], jnp.full_like(snr_db, jnp.nan)),
-            jnp.full_like(snr_db, jnp.nan),
+            covariance,
+            unknown,
         )
         return Standing(tracks, started, held, reported, scan.time), estimate
 

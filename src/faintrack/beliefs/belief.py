@@ -13,6 +13,7 @@ which is the measurement update of the Bernoulli filter (bosser2022, eq. 2-3) an
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -20,7 +21,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from faintrack.beliefs.components import angles, components
 from faintrack.numerics.trigonometry import sine_cosine
+
+Axes = tuple[int, ...]
+"""Numbers of axes, ascending."""
 
 
 class Belief(eqx.Module):
@@ -135,14 +140,7 @@ def mean(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Any:
     (3.1416, -4.0)
     """
     weights = jnp.exp(belief.log_weights) if weights is None else weights
-
-    def average(name: str, values: Array) -> Array:
-        if name in belief.states.angles:
-            sine, cosine = sine_cosine(values)
-            return jnp.arctan2(_expected(weights, sine), _expected(weights, cosine))
-        return _expected(weights, values)
-
-    return _by_component(belief.states, average)
+    return _by_component(belief.states, lambda name, values: _average(belief, name, weights, values))
 
 
 def standard_deviation(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Any:
@@ -158,9 +156,7 @@ def standard_deviation(belief: Belief, weights: Float[Array, "*points"] | None =
     >>> float(standard_deviation(belief).range)
     1.0
     """
-    weights = jnp.exp(belief.log_weights) if weights is None else weights
-    off = _off_mean(belief, weights)
-    return _by_component(off, lambda _, values: jnp.sqrt(_expected(weights, values**2)))
+    return deviations(belief.states, covariance(belief, weights))
 
 
 def covariance(belief: Belief, weights: Float[Array, "*points"] | None = None) -> Float[Array, "component component"]:
@@ -176,10 +172,59 @@ def covariance(belief: Belief, weights: Float[Array, "*points"] | None = None) -
     >>> float(covariance(belief)[0, 0])
     1.0
     """
+    return moments(belief, weights)[1]
+
+
+def moments(
+    belief: Belief, weights: Float[Array, "*points"] | None = None
+) -> tuple[Any, Float[Array, "component component"]]:
+    """`mean` and `covariance` at the price of the second.
+
+    Parameters as in `mean`.
+
+    Notes
+    -----
+    A product of two components of a grid needs the weights summed along all axes but theirs. These sums are made from
+    each other: on four axes the six pairs read all cells three times, and the components are summed from what is left.
+
+    Examples
+    --------
+    >>> from faintrack.targets.states import RangeState
+    >>> belief = Belief(RangeState(jnp.array([1.0, 3.0]), jnp.zeros(2)), jnp.log(jnp.full(2, 0.5)), jnp.array(0.0),
+    ...                 jnp.array(0.0))
+    >>> middle, matrix = moments(belief)
+    >>> float(middle.range), float(matrix[0, 0])
+    (2.0, 1.0)
+    """
     weights = jnp.exp(belief.log_weights) if weights is None else weights
-    state = _off_mean(belief, weights)
-    off = [getattr(state, field.name) for field in _fields(state)]
-    return jnp.stack([jnp.stack([_expected(weights, first * second) for second in off]) for first in off])
+    values = list(components(belief.states).values())
+    pairs = [(row, column) for row in range(len(values)) for column in range(row + 1)]
+    others = {(row, column): _axes(weights, values[row] + values[column]) for row, column in pairs}
+    sums = _marginals(weights, set(others.values()))
+    own = {name: sums[others[row, row]] for row, name in enumerate(components(belief.states))}
+    middle = _by_component(belief.states, lambda name, values: _average(belief, name, own[name], values))
+    off = list(components(_off(belief, middle)).values())
+    lower = {pair: jnp.sum(sums[others[pair]] * (off[pair[0]] * off[pair[1]])) for pair in pairs}
+    number = range(len(off))
+    return middle, jnp.stack([jnp.stack([lower[max(i, j), min(i, j)] for j in number]) for i in number])
+
+
+def deviations(state: Any, covariance: Float[Array, "*stack component component"]) -> Any:
+    """Standard deviation of every component, as a state: the root of the covariance's diagonal.
+
+    Parameters
+    ----------
+    state : any of the kind.
+    covariance : of its components in their order; one, or a stack.
+
+    Examples
+    --------
+    >>> from faintrack.targets.states import RangeState
+    >>> float(deviations(RangeState(jnp.zeros(()), jnp.zeros(())), jnp.diag(jnp.array([4.0, 1.0]))).range)
+    2.0
+    """
+    roots = jnp.sqrt(jnp.diagonal(covariance, axis1=-2, axis2=-1))
+    return dataclasses.replace(state, **{name: roots[..., row] for row, name in enumerate(components(state))})
 
 
 def mode(belief: Belief) -> Any:
@@ -200,33 +245,54 @@ def mode(belief: Belief) -> Any:
     )
 
 
+def _average(belief: Belief, name: str, weights: Float[Array, "*points"], values: Array) -> Float[Array, ""]:
+    """Mean of one component."""
+    if name in angles(belief.states):
+        sine, cosine = sine_cosine(values)
+        return jnp.arctan2(_expected(weights, sine), _expected(weights, cosine))
+    return _expected(weights, values)
+
+
 def _expected(weights: Float[Array, "*points"], values: Float[Array, "..."]) -> Float[Array, ""]:
     """Sum of weights times values.
 
     Weights are first summed along the axes that the values do not depend on: a component of a grid then costs one
     product for each of its own cells.
     """
+    return jnp.sum(jnp.sum(weights, axis=_axes(weights, values), keepdims=True) * values)
+
+
+def _axes(weights: Float[Array, "*points"], values: Float[Array, "..."]) -> Axes:
+    """Axes of the weights that values do not depend on."""
     shape = (1,) * (weights.ndim - values.ndim) + values.shape
-    same = tuple(axis for axis, count in enumerate(shape) if count == 1)
-    return jnp.sum(jnp.sum(weights, axis=same, keepdims=True) * values)
+    return tuple(axis for axis, count in enumerate(shape) if count == 1)
 
 
-def _off_mean(belief: Belief, weights: Float[Array, "*points"]) -> Any:
-    """State less `mean`; angles by the shorter way round."""
-    middle = mean(belief, weights)
+def _marginals(weights: Float[Array, "*points"], wanted: set[Axes]) -> dict[Axes, Array]:
+    """Weights summed along each of some sets of axes, kept with length 1; sets with an axis in common share its sum."""
+    if len(wanted) == 1:
+        (axes,) = wanted
+        return {axes: jnp.sum(weights, axis=axes, keepdims=True)}
+    # The axis that most sets have; of several the last, whose numbers lie side by side.
+    common = max(range(weights.ndim), key=lambda axis: (sum(axis in axes for axes in wanted), axis), default=0)
+    first = {axes for axes in wanted if common in axes}
+    if not first:
+        return dict.fromkeys(wanted, weights)
+    left = {axes: tuple(axis for axis in axes if axis != common) for axes in first}
+    sums = _marginals(jnp.sum(weights, axis=common, keepdims=True), set(left.values()))
+    rest = wanted - first
+    return {axes: sums[left[axes]] for axes in first} | (_marginals(weights, rest) if rest else {})
+
+
+def _off(belief: Belief, middle: Any) -> Any:
+    """States less a middle one; angles by the shorter way round."""
 
     def deviation(name: str, values: Array) -> Array:
         off = values - getattr(middle, name)
-        return jnp.arctan2(jnp.sin(off), jnp.cos(off)) if name in belief.states.angles else off
+        return jnp.arctan2(jnp.sin(off), jnp.cos(off)) if name in angles(belief.states) else off
 
     return _by_component(belief.states, deviation)
 
 
-def _fields(state: Any) -> tuple[dataclasses.Field, ...]:
-    return dataclasses.fields(state)
-
-
-def _by_component(state: Any, function: Any) -> Any:
-    return dataclasses.replace(
-        state, **{field.name: function(field.name, getattr(state, field.name)) for field in _fields(state)}
-    )
+def _by_component(state: Any, function: Callable[[str, Array], Array]) -> Any:
+    return dataclasses.replace(state, **{name: function(name, values) for name, values in components(state).items()})

@@ -26,6 +26,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.axis import Axis, Lattice
 from faintrack.beliefs.belief import Belief
+from faintrack.beliefs.components import rates
 from faintrack.errors import InputError
 from faintrack.numerics.draws import uniform
 from faintrack.numerics.precision import full_precision
@@ -70,7 +71,7 @@ class Grid(Lattice):
         InputError : a rate without its component, or none of either.
         """
         found = []
-        for name, rate in self.kind.rates.items():
+        for name, rate in rates(self.kind).items():
             if (name in self.names) != (rate in self.names):
                 raise InputError(f"grid axes {', '.join(self.names)}: expected both {name} and {rate}, or neither.")
             if name in self.names:

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from faintrack.beliefs.components import rates
 from faintrack.beliefs.grids import Grid
 from faintrack.filters.grid import Advance, in_steps
 from faintrack.targets.target import Motion
@@ -60,11 +61,11 @@ class CellParticles(eqx.Module):
         for_place, for_motion = jax.random.split(key)
         grid = self.grid
         moved = self.motion.move(grid.draw(for_place, dtype), self.interval, for_motion)
-        rates = set(grid.kind.rates.values())
+        speeds = set(rates(grid.kind).values())
         landing, inside = jnp.zeros(grid.size, jnp.int32), jnp.ones(grid.size, bool)
         for name, axis in grid.axes:
             index = axis.nearest(getattr(moved, name))
-            if name not in rates:
+            if name not in speeds:
                 inside &= (index >= 0) & (index < axis.count)
             landing = landing * axis.count + jnp.clip(index, 0, axis.count - 1)
         return jnp.where(inside, landing, grid.size)

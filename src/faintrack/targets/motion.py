@@ -20,6 +20,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from faintrack.beliefs.components import rates
 from faintrack.numerics.draws import normal
 from faintrack.targets.states import BearingState
 
@@ -188,10 +189,11 @@ class OrnsteinUhlenbeck(eqx.Module):
 
 def _drawn(states: Any, step: Step, key: PRNGKeyArray) -> Any:
     """States after a step: every component that has a rate, and the rate."""
-    first = getattr(states, next(iter(states.rates)))
-    draws = normal(key, (2, len(states.rates), *first.shape), first.dtype)
+    of_each = rates(states)
+    first = getattr(states, next(iter(of_each)))
+    draws = normal(key, (2, len(of_each), *first.shape), first.dtype)
     moved = {}
-    for (name, rate), u, w in zip(states.rates.items(), draws[0], draws[1], strict=True):
+    for (name, rate), u, w in zip(of_each.items(), draws[0], draws[1], strict=True):
         place, speed = getattr(states, name), getattr(states, rate)
         moved[name] = place + step.gain * speed + step.a * u + step.b * w
         moved[rate] = step.decay * speed + step.c * u

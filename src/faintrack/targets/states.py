@@ -1,8 +1,11 @@
 """Target states: named components that broadcast against each other.
 
 For particles every component has the shape (n,). On a grid they are open meshes, (nx, 1), (1, ny), ...: what reads only
-`x` then costs nx evaluations. Nothing in the package relies on the order of components. `angles` names those that are
-averaged as directions, `rates` tells the rate of each component that has one.
+`x` then costs nx evaluations. Nothing in the package relies on the order of components.
+
+A state needs nothing but its fields: one of a user's own may be any dataclass that JAX takes for a tree. `angles` names
+the components that are averaged as directions, `rates` tells the rate of each component that has one; a state without
+such has neither.
 """
 
 from typing import ClassVar

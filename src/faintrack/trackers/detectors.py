@@ -33,6 +33,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.axis import Axis, between
 from faintrack.beliefs.belief import update
+from faintrack.beliefs.components import rates
 from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
 from faintrack.filters.adi import alternating_directions, steps_within
@@ -83,7 +84,7 @@ class Detectors(eqx.Module):
         low, high = self.limits
         inside = [
             (getattr(states, name) >= getattr(low, name)) & (getattr(states, name) <= getattr(high, name))
-            for name in self.filter.grid.kind.rates
+            for name in rates(self.filter.grid.kind)
         ]
         return functools.reduce(jnp.logical_and, inside)
 
@@ -96,7 +97,7 @@ class Detectors(eqx.Module):
         """
         grid = self.filter.grid
         steps = dict(grid.axes)
-        moving = [name for name in grid.kind.rates if name in steps]
+        moving = [name for name in rates(grid.kind) if name in steps]
         spread = (np.arange(self.fineness) + 0.5) / self.fineness - 0.5
         flat = (1,) * len(grid.axes)
 

@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.beliefs.belief import Belief, mean, standard_deviation
+from faintrack.beliefs.belief import Belief, deviations, moments
 from faintrack.filters.run import Filter, Likelihood, Proposal, step
 
 
@@ -54,7 +54,7 @@ class Estimate(eqx.Module):
     label : of the track in hand; 0 where there is none.
     track_existence : probability that the track's target exists.
     mean : state, of the track's particles where there is a track, otherwise of all.
-    std : standard deviation of each component, as a state.
+    covariance : of its components in their order, those of `dataclasses.fields(mean)`.
     log_evidence : log of the scan's mean ratio over the belief.
     """
 
@@ -63,8 +63,13 @@ class Estimate(eqx.Module):
     label: Int[Array, "*scan"]
     track_existence: Float[Array, "*scan"]
     mean: Any
-    std: Any
+    covariance: Float[Array, "*scan component component"]
     log_evidence: Float[Array, "*scan"]
+
+    @property
+    def std(self) -> Any:
+        """Standard deviation of each component, as a state."""
+        return deviations(self.mean, self.covariance)
 
 
 class SingleTargetTracker(eqx.Module):
@@ -115,8 +120,7 @@ class SingleTargetTracker(eqx.Module):
             belief.existence,
             jnp.where(active, label, 0),
             belief.existence * jnp.minimum(share, 1),
-            mean(belief, mine / share),
-            standard_deviation(belief, mine / share),
+            *moments(belief, mine / share),
             log_evidence,
         )
         return Following(belief, label, active, declared, following.scans + 1), estimate
