@@ -1,31 +1,77 @@
 """Detect and follow targets too quiet to threshold, from raw sensor data.
 
-The five names that a first session needs are here; everything else is in the modules that it belongs to. They are
-loaded when they are first used, so that importing the package costs nothing.
+The names that a session needs are here; everything else is in the modules that it belongs to. They are loaded when they
+are first used, so that importing the package costs nothing.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from faintrack.data.recording import Recording, from_samples
+    from faintrack.data.sequence import Sequence, from_frames
     from faintrack.errors import InputError
-    from faintrack.io import read, read_array
-    from faintrack.kinds.session import follow, track
-
-__all__ = ["InputError", "follow", "read", "read_array", "track"]
+    from faintrack.io.arrays import read_array
+    from faintrack.kinds.calibration import calibrate
+    from faintrack.kinds.door import Info, Moment, follow, info, read, read_result, simulate, track
+    from faintrack.kinds.scenario import Scenario
+    from faintrack.results.result import Result
+    from faintrack.results.track import Track
+    from faintrack.sensors.array import SensorArray, line_array, sensor_array
 
 _HOMES = {
-    "InputError": "faintrack.errors",
-    "follow": "faintrack.kinds.session",
-    "read": "faintrack.io",
-    "read_array": "faintrack.io",
-    "track": "faintrack.kinds.session",
+    "track": "kinds.door",
+    "follow": "kinds.door",
+    "simulate": "kinds.door",
+    "calibrate": "kinds.calibration",
+    "read": "kinds.door",
+    "info": "kinds.door",
+    "read_result": "kinds.door",
+    "Scenario": "kinds.scenario",
+    "Result": "results.result",
+    "Track": "results.track",
+    "Moment": "kinds.door",
+    "Info": "kinds.door",
+    "InputError": "errors",
+    "Recording": "data.recording",
+    "from_samples": "data.recording",
+    "Sequence": "data.sequence",
+    "from_frames": "data.sequence",
+    "SensorArray": "sensors.array",
+    "sensor_array": "sensors.array",
+    "line_array": "sensors.array",
+    "read_array": "io.arrays",
 }
+"""Module of each public name."""
+
+__all__ = [
+    "Info",
+    "InputError",
+    "Moment",
+    "Recording",
+    "Result",
+    "Scenario",
+    "SensorArray",
+    "Sequence",
+    "Track",
+    "calibrate",
+    "follow",
+    "from_frames",
+    "from_samples",
+    "info",
+    "line_array",
+    "read",
+    "read_array",
+    "read_result",
+    "sensor_array",
+    "simulate",
+    "track",
+]
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
+        return getattr(import_module(f"faintrack.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'faintrack' has no attribute {name!r}")
 
 

@@ -3,17 +3,13 @@
 `faintrack.scenario.array` shows the layout of the TOML file and says what an Acoular XML file lacks.
 """
 
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError, naming
-from faintrack.io.checks import explained, require_file
-from faintrack.scenario.array import ArrayDescription, build, describe, problem
-from faintrack.scenario.model import to_toml
+from faintrack.scenario.array import build, describe, read_description
+from faintrack.scenario.section import to_toml
 from faintrack.sensors.array import SensorArray
 
 
@@ -35,17 +31,8 @@ def read_array(path: str | Path) -> SensorArray:
         ...
     faintrack.errors.InputError: array.csv: unknown kind of array file; expected .toml or .xml.
     """
-    path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in (".toml", ".xml"):
-        raise InputError(f"{path}: unknown kind of array file; expected .toml or .xml.")
-    require_file(path)
-    table = {"positions_file": path.name} if suffix == ".xml" else _toml(path)
     with naming(path):
-        try:
-            return build(ArrayDescription.model_validate(table), path.parent)
-        except ValidationError as error:
-            raise InputError(problem(error)) from error
+        return build(read_description(path))
 
 
 def array_toml(array: SensorArray) -> str:
@@ -92,8 +79,3 @@ def match_channels(array: SensorArray, recording: Recording) -> SensorArray:
         gains=array.gains[order],
         channel_names=recording.channel_names,
     )
-
-
-def _toml(path: Path) -> dict[str, object]:
-    with explained(f"{path} is not valid TOML"), path.open("rb") as file:
-        return tomllib.load(file)

@@ -1,7 +1,7 @@
 """Kinds of data, one room each, and one table of them.
 
-A room holds everything that is known of its kind, gathered in one `faintrack.kinds.kind.Kind`, which is called `KIND` in
-the module that the table names. A kind of your own is one more line: `KINDS["mine"] = "my_package.my_kind"`.
+A room holds everything that is known of its kind, gathered in one `faintrack.kinds.kind.Kind`, which is called `KIND`
+in the module that the table names. A kind of your own is one more line: `KINDS["mine"] = "my_package.my_kind"`.
 """
 
 from importlib import import_module
@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 KINDS = {
     "recording": "faintrack.kinds.recording",
     "frames": "faintrack.kinds.frames",
-    "returns": "faintrack.kinds.returns",
-    "bearings": "faintrack.kinds.bearings",
-    "records": "faintrack.kinds.records",
 }
 """Name of each kind, and the module whose `KIND` it is."""
 

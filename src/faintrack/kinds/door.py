@@ -236,7 +236,9 @@ def info(*paths: str | Path, kind: str | None = None, scenario: Any = None, **se
     needed = "" if isinstance(scenario, str | Path) is False else f" --scenario {scenario}"
     if not needed and found.needs:
         needed = f" {found.needs}"
-    return Info(found.name, found.describe(data), tuple(getattr(data, "remarks", ())), f"faintrack track {files}{needed}")
+    return Info(
+        found.name, found.describe(data), tuple(getattr(data, "remarks", ())), f"faintrack track {files}{needed}"
+    )
 
 
 def read_result(folder: str | Path) -> Result:
@@ -291,8 +293,10 @@ def scenario_given(scenario: Any, sections: Mapping[str, Any]) -> Given:
         return Given(merged(scenario, sections))
     if isinstance(scenario, str | Path):
         # Paths in the file are relative to it; those given beside it are relative to where the program runs.
-        beside = {name: str(Path(value).absolute()) if name == "array" and isinstance(value, str | Path) else value
-                  for name, value in sections.items()}
+        beside = {
+            name: str(Path(value).absolute()) if name == "array" and isinstance(value, str | Path) else value
+            for name, value in sections.items()
+        }
         return Given(merged(read_toml(scenario), beside), scenario, Path(scenario).parent)
     raise InputError(
         f"scenario is a {type(scenario).__name__}; expected the path of a TOML file, a dictionary or a Scenario, "
@@ -300,9 +304,7 @@ def scenario_given(scenario: Any, sections: Mapping[str, Any]) -> Given:
     )
 
 
-def opened(
-    what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool = False
-) -> tuple[Kind, Any, Any]:
+def opened(what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool = False) -> tuple[Kind, Any, Any]:
     """Kind and data of what is given, and the scenario for them.
 
     Parameters

@@ -1,8 +1,8 @@
 """What is known of a kind of data, as one value, and how such data are taken in.
 
 A kind is what a file can hold: samples of an array, frames, returns of a sonar. Everything that is particular to it
-stands in its folder and is gathered in one `Kind`; the loop (`faintrack.kinds.loop`), the verbs (`faintrack.kinds.door`),
-command line, report and calibration know that value and no kind by name.
+stands in its folder and is gathered in one `Kind`; the loop (`faintrack.kinds.loop`), the verbs
+(`faintrack.kinds.door`), command line, report and calibration know that value and no kind by name.
 """
 
 from collections.abc import Callable
@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import xarray as xr
-from jaxtyping import Array, PRNGKeyArray
+from jaxtyping import PRNGKeyArray
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.plane import Plane
 
 
 class Step(Protocol):
@@ -37,11 +38,13 @@ class Plan:
     state : before the first scan.
     read : function of (start, stop), numbers of scans, to arrays with one entry a scan along their first axis, as
         `step.scans` takes them. Fewer than asked for is the end.
-    rows : function of (start, block, outputs), the number of the first scan, what was read and what `step.advance` gave,
+    rows : function of (start, block, outputs), the number of the first scan, what was read and what `step.advance`
+    gave,
         to a dataset in the schema of `faintrack.results.schema`.
     length : number of scans; None where it is not known beforehand.
     size : scans taken in at once.
     seed : of the random numbers.
+    plane : plane of places given in latitude and longitude, a `faintrack.scenario.plane.Plane`; None where there is none.
     close : function of the last state to what is known at the end, without a time axis; None where there is nothing.
     """
 
@@ -53,6 +56,7 @@ class Plan:
     length: int | None
     size: int
     seed: int
+    plane: Plane | None = None
     close: Callable[[Any], xr.Dataset] | None = None
 
 
@@ -76,6 +80,7 @@ class Kind:
     about : facts of a result as its report tells them, by name.
     draw : function of a result to a figure of matplotlib.
     shown : what the figure shows.
+    needs : what the command line needs beside the files, where there is no scenario.
     """
 
     name: str
@@ -92,3 +97,4 @@ class Kind:
     about: Callable[[Any], dict[str, str]]
     draw: Callable[[Any], Any]
     shown: str
+    needs: tuple[str, ...] = ()

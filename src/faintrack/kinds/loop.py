@@ -85,7 +85,8 @@ def advance(
 def datasets(plan: Plan, since: Checkpoint | None = None) -> Iterator[xr.Dataset]:
     """Yield the blocks of a result, what is known at the end after the others."""
     last = since
-    for last, rows in advance(plan, since):
+    for checkpoint, rows in advance(plan, since):
+        last = checkpoint
         yield rows
     if plan.close is not None and last is not None:
         yield plan.close(last.state)

@@ -1,7 +1,7 @@
 """Scenarios: what to run with data of one kind. Every kind has its own sections, and no other kind's.
 
-`Scenario(kind="frames", cells={"levels": [2.0]})` makes the scenario of a kind, and so does a file. The kind need not be
-named where a section tells it (`[sonar]`), and nothing of it need be told where data decide: `faintrack.track` then
+`Scenario(kind="frames", cells={"levels": [2.0]})` makes the scenario of a kind, and so does a file. The kind need not
+be named where a section tells it (`[sonar]`), and nothing of it need be told where data decide: `faintrack.track` then
 makes the scenario of the kind that the data are.
 """
 
@@ -57,15 +57,13 @@ class Scenario(Section):
         """Write the text to a file."""
         Path(path).write_text(self.to_toml(), encoding="utf-8")
 
-    def replaced(self, sections: Sections) -> "Scenario":
-        """Scenario with some fields of some sections in the place of its own."""
-        return scenario_of(merged(self.model_dump(exclude_unset=True) | {"kind": self.kind}, sections)) if sections else self
-
     def _repr_html_(self) -> str:
         """Its text, as a notebook shows it."""
         import html
 
-        return f"<details open><summary>Scenario: {self.kind}</summary><pre>{html.escape(self.to_toml())}</pre></details>"
+        return (
+            f"<details open><summary>Scenario: {self.kind}</summary><pre>{html.escape(self.to_toml())}</pre></details>"
+        )
 
 
 def scenario_of(sections: Sections, source: object = None, folder: Path | None = None) -> Scenario:
@@ -124,9 +122,7 @@ def _refuse_mixture(sections: Sections, source: object) -> None:
             known = sorted({field for kind in kinds() for field in kind.scenario.model_fields})
             near = difflib.get_close_matches(name, known, 1, cutoff=0.6)
             raise InputError(f"{where}there is no section {name}" + (f"; did you mean {near[0]}?" if near else "."))
-    first, second = next(
-        (a, b) for a in homes for b in homes if a != b and not set(homes[a]) & set(homes[b])
-    )
+    first, second = next((a, b) for a in homes for b in homes if a != b and not set(homes[a]) & set(homes[b]))
     raise InputError(
         f"{where}[{first}] is of {' or '.join(homes[first])} and [{second}] of {' or '.join(homes[second])}; "
         "expected sections of one kind of data."

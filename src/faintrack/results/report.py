@@ -42,7 +42,11 @@ def track_headings(result: Result) -> list[tuple[str, str, str]]:
         shown.append((f"{column(place[0], of[place[0]])}_std", f"std {_short(of[place[0]])}", ".2g"))
     rate = f"{of[place[0]]}/s"
     shown.append((column("speed", rate), f"speed {_short(rate)}", ".3g"))
-    shown += [(column(name, unit), f"{name.removesuffix('_db').upper()} dB", ".1f") for name, unit in of.items() if unit == "dB"]
+    shown += [
+        (column(name, unit), f"{name.removesuffix('_db').upper()} dB", ".1f")
+        for name, unit in of.items()
+        if unit == "dB"
+    ]
     return [*shown, ("existence_max", "existence", ".4f")]
 
 

@@ -181,10 +181,17 @@ def deviations(data: xr.Dataset) -> dict[str, xr.DataArray]:
 
 def joined(blocks: list[xr.Dataset]) -> xr.Dataset:
     """Consecutive blocks as one; what has no time axis is added as it is."""
-    timed = xr.concat([block for block in blocks if "time" in block.sizes], "time", data_vars="minimal",
-                      coords="minimal", compat="override", combine_attrs="override")
-    return xr.merge([timed, *(block for block in blocks if "time" not in block.sizes)], combine_attrs="override",
-                    compat="override")
+    timed = xr.concat(
+        [block for block in blocks if "time" in block.sizes],
+        "time",
+        data_vars="minimal",
+        coords="minimal",
+        compat="override",
+        combine_attrs="override",
+    )
+    return xr.merge(
+        [timed, *(block for block in blocks if "time" not in block.sizes)], combine_attrs="override", compat="override"
+    )
 
 
 def _of_slots(

@@ -96,8 +96,8 @@ def to_stonesoup(tracks: Sequence[Track]) -> list[Any]:
 
     Returns
     -------
-    A `stonesoup.types.track.Track` for each, whose `id` is the label. Components stand with their rates, (x, vx, y, vy);
-    angles are in radians.
+    A `stonesoup.types.track.Track` for each, whose `id` is the label. Components stand with their rates, (x, vx, y,
+    vy); angles are in radians.
 
     Raises
     ------

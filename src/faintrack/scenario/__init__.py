@@ -1,5 +1,1 @@
-"""Scenarios: what to run, as a validated file, and the objects that it describes."""
-
-from faintrack.scenario.model import Scenario, read, to_toml
-
-__all__ = ["Scenario", "read", "to_toml"]
+"""What every scenario file has in common: sections, arrays, the plane of places on earth."""

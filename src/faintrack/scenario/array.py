@@ -32,6 +32,8 @@ from faintrack.sensors.array import SensorArray, line_array, sensor_array
 
 _WATER = 1500.0
 _AIR = 343.0
+
+
 def _name_or_number(value: Any) -> int | str:
     if isinstance(value, bool) or not isinstance(value, int | str):
         raise ValueError("expected the name of a channel or its number from 0")
@@ -66,8 +68,8 @@ class ArrayDescription(Section):
     channels: list[ChannelDescription] | None = None
     line: LineDescription | None = None
     positions_file: FilePath | None = None
-    dead: _ChannelKeys = []
-    inverted: _ChannelKeys = []
+    dead: _ChannelKeys = Field(default_factory=list)
+    inverted: _ChannelKeys = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _one_geometry(self) -> "ArrayDescription":

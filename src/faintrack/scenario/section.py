@@ -1,7 +1,8 @@
 """Sections of a scenario: tables of a file, validated field by field.
 
 A section refuses what it does not know, wrong types and numbers that are not finite. It takes numbers and paths as
-Python users have them: numbers and arrays of NumPy, `pathlib.Path`. `problem` turns what pydantic says into one sentence.
+Python users have them: numbers and arrays of NumPy, `pathlib.Path`. `problem` turns what pydantic says into one
+sentence.
 """
 
 import difflib

@@ -13,6 +13,7 @@ from faintrack.kinds.frames.sections import FramesScenario
 from faintrack.kinds.kind import Kind
 from faintrack.kinds.rooms import room
 
+
 def _holds(paths: tuple[Path, ...]) -> bool:
     if len(paths) != 1:
         return False
@@ -44,7 +45,9 @@ def _describe(sequence: Sequence) -> dict[str, str]:
     start = sequence.start_time
     return {
         "holds": f"{sequence.length} frames{apart}",
-        "axes": "; ".join(f"{name}: {axis.count} cells from {axis.first:g} to {axis.last:g}" for name, axis in sequence.axes),
+        "axes": "; ".join(
+            f"{name}: {axis.count} cells from {axis.first:g} to {axis.last:g}" for name, axis in sequence.axes
+        ),
         "span": f"{times[-1] - times[0]:g} s",
         "start": "not known" if start is None else f"{start}Z",
         "levels": f"{np.nanmin(first):.4g} to {np.nanmax(first):.4g} in the first frame",

@@ -13,6 +13,7 @@ from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import Filter, Likelihood
 from faintrack.filters.separable import POINTS, separable
+from faintrack.kinds.frames.sections import FramesScenario
 from faintrack.likelihoods.cells import (
     Amplitude,
     CellLikelihood,
@@ -27,7 +28,6 @@ from faintrack.likelihoods.clutter import ClutterLikelihood
 from faintrack.likelihoods.heavy_tails import student
 from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.likelihoods.within import Within
-from faintrack.kinds.frames.sections import FramesScenario
 from faintrack.sensors.cells import Cells
 from faintrack.signal.background import Whitening
 from faintrack.signal.clutter import ClutterTracker

@@ -1,6 +1,6 @@
 """How a sequence of frames becomes a result: background, tracker, and what is kept for pictures.
 
-Memory does not grow with the length: of images `SNAPSHOTS` frames are kept for the report, of profiles every frame, a
+Memory does not grow with the length: of images a few frames are kept for the report, of profiles every frame, a
 few bytes a cell.
 """
 
@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError, naming
@@ -27,6 +27,7 @@ from faintrack.kinds.frames.build import (
 from faintrack.kinds.frames.sections import FramesScenario
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import first_key
+from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import HALF, Component, estimated
 from faintrack.sensors.cells import Cells, cell_surface
 from faintrack.signal.scans import Background
@@ -37,9 +38,6 @@ BLOCK_BYTES = 8 * 2**20
 
 LONGEST_BLOCK = 32
 """Frames a block at most."""
-
-SNAPSHOTS = 8
-"""Images kept at most."""
 
 LARGEST_VALUE = 1e15
 """Of a frame: squares of many values are added up in single precision."""
@@ -129,23 +127,6 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         seed=scenario.filter.seed,
         close=close if images else None,
     )
-
-
-def snapshots_of(length: int) -> Int[np.ndarray, " snapshot"]:
-    """Numbers of the scans of which more is kept: `SNAPSHOTS` at most, evenly spaced, the last one among them.
-
-    Examples
-    --------
-    >>> snapshots_of(20).tolist(), snapshots_of(3).tolist()
-    ([1, 4, 6, 9, 11, 14, 16, 19], [0, 1, 2])
-    """
-    count = min(SNAPSHOTS, length)
-    return (np.arange(1, count + 1) * length) // max(count, 1) - 1
-
-
-def slots_of(numbers: Int[np.ndarray, " scan"], snapshots: Int[np.ndarray, " snapshot"]) -> Int[np.ndarray, " scan"]:
-    """Place of every scan among those of which more is kept; their number where it is none of them."""
-    return np.where(np.isin(numbers, snapshots), np.searchsorted(snapshots, numbers), len(snapshots))
 
 
 def _checked(frames: np.ndarray, number: int, power: bool, source: str) -> Float[np.ndarray, "frame *cells"]:

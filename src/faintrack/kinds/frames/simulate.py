@@ -56,7 +56,9 @@ def _drawn(scenario: FramesScenario, targets: tuple[SimulatedTargetSection, ...]
     width = (WIDTH if kind == "whiten" else 0.0) if scenario.cells.width is None else scenario.cells.width
     spread, reach = (gaussian_spread(width), max(1, round(4 * width))) if width else (point, 0)
     cells, state = Cells(axes), STATES[frozenset(names)]
-    likelihoods = [CellLikelihood(cells, amplitude, target.level, spread, reach, 5 if width else 1) for target in targets]
+    likelihoods = [
+        CellLikelihood(cells, amplitude, target.level, spread, reach, 5 if width else 1) for target in targets
+    ]
     for number, target in enumerate(targets):
         if not len(target.place) == len(target.velocity) == len(axes):
             raise InputError(

@@ -72,4 +72,5 @@ KIND = Kind(
     about=room("faintrack.kinds.recording.report", "about"),
     draw=room("faintrack.kinds.recording.pictures", "draw"),
     shown="Record, existence, SNR",
+    needs=("--array FILE",),
 )

@@ -11,10 +11,10 @@ from faintrack.baselines.detect_and_track import DetectAndTrack
 from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import Likelihood
+from faintrack.kinds.recording.sections import AnalysisSection, RecordingScenario, SourceTargetSection
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.likelihoods.white_signal import WhiteSignal
-from faintrack.kinds.recording.sections import AnalysisSection, RecordingScenario, SourceTargetSection
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, lobe_width
 from faintrack.signal.beamformer import Beamformer, beamformer

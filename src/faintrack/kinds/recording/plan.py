@@ -22,7 +22,7 @@ from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamScan, bearings
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies
-from faintrack.signal.frames import FrameBlock, framed, frames
+from faintrack.signal.frames import framed, frames
 from faintrack.trackers.single import Estimate, SingleTargetTracker
 
 BLOCK_BYTES = 8 * 2**20
@@ -106,9 +106,7 @@ def array_of(recording: Recording, scenario: RecordingScenario) -> SensorArray:
     return match_channels(build(scenario.array), recording)
 
 
-def plan_frames(
-    recording: Recording, array: SensorArray, scenario: Any
-) -> tuple[Beamformer, int, int]:
+def plan_frames(recording: Recording, array: SensorArray, scenario: Any) -> tuple[Beamformer, int, int]:
     """Beamformer of a recording, samples of a frame, and number of frames.
 
     Parameters
@@ -168,9 +166,7 @@ def _chosen(
 ) -> RecordingScenario:
     """Scenario with what was chosen for a recording filled in."""
     grid = beamformer.grid
-    analysis = scenario.analysis.model_copy(
-        update={"beams": grid.beams, "snapshot": beamformer.snapshot / sample_rate}
-    )
+    analysis = scenario.analysis.model_copy(update={"beams": grid.beams, "snapshot": beamformer.snapshot / sample_rate})
     snr_db = scenario.target.snr_db or default_snr_db(array, grid)
     target = scenario.target.model_copy(update={"snr_db": tuple(map(float, snr_db))})
     return scenario.model_copy(update={"array": describe(array), "analysis": analysis, "target": target})
@@ -201,9 +197,7 @@ def _dataset(
     reference = "clockwise from north" if array.circular else "from the array axis"
     masked = (~usable & array.alive).sum(axis=1).astype(np.int32)
     data = estimated(time, estimates, bearing(reference))
-    data["masked_channels"] = of_scans(
-        masked, "1", "channels left out, samples not finite", counted="masked_scans"
-    )
+    data["masked_channels"] = of_scans(masked, "1", "channels left out, samples not finite", counted="masked_scans")
     data["record"] = (
         ("time", "beam"),
         record,

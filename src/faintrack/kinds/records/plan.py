@@ -14,15 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float
-
-from faintrack.beliefs.axis import Axis
-from faintrack.data.recording import Recording
-from faintrack.data.records import InStep, in_step
-from faintrack.data.sequence import Sequence
-from faintrack.errors import InputError, naming
 from faintrack.kinds.session import collect, plan_frames
-from faintrack.results.result import Result
 from faintrack.results.stations import scans_dataset
 from faintrack.scenario.build_stations import (
     Path,
@@ -33,6 +25,14 @@ from faintrack.scenario.build_stations import (
 )
 from faintrack.scenario.model import Scenario
 from faintrack.scenario.stations import parse_utc
+from jaxtyping import Array, Float
+
+from faintrack.beliefs.axis import Axis
+from faintrack.data.recording import Recording
+from faintrack.data.records import InStep, in_step
+from faintrack.data.sequence import Sequence
+from faintrack.errors import InputError, naming
+from faintrack.results.result import Result
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.stations import EnergyScan, Stations
 from faintrack.signal.beamformer import Beamformer

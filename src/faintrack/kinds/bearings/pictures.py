@@ -2,11 +2,11 @@
 
 import numpy as np
 import xarray as xr
+from faintrack.plots.bearing import GREY, TRACK, draw_existence, each_track
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
-from faintrack.plots.bearing import GREY, TRACK, draw_existence, each_track
 from faintrack.results.result import Result
 
 ELLIPSES = 12

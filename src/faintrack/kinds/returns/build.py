@@ -4,6 +4,8 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
+from faintrack.scenario.model import Scenario
+from faintrack.scenario.sonar import GridTable, SonarTable
 
 from faintrack.beliefs.axis import Axis, between
 from faintrack.beliefs.grids import Grid
@@ -13,8 +15,6 @@ from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import POINTS, separable
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
-from faintrack.scenario.model import Scenario
-from faintrack.scenario.sonar import GridTable, SonarTable
 from faintrack.sensors.active import ActiveSonar, Pulse
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.signal.pings import Binned, in_bins

@@ -13,16 +13,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from faintrack.kinds.session import collect
+from faintrack.scenario.build_bearings import build_bearings_tracker, build_sensor
+from faintrack.scenario.model import Scenario
 from jaxtyping import Array
 
 from faintrack.beliefs.belief import covariance
 from faintrack.data.bearings import Bearings
 from faintrack.errors import naming
-from faintrack.kinds.session import collect
 from faintrack.numerics.precision import full_precision
 from faintrack.results.result import Result, bearings_dataset
-from faintrack.scenario.build_bearings import build_bearings_tracker, build_sensor
-from faintrack.scenario.model import Scenario
 from faintrack.sensors.bearing_sets import ObserverSets
 from faintrack.signal.bearing_sets import in_sets
 from faintrack.trackers.single import Estimate, Following, SingleTargetTracker

@@ -3,12 +3,12 @@
 import math
 
 import jax.numpy as jnp
+from faintrack.scenario.bearings import BearingsTable
+from faintrack.scenario.model import Scenario
 
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.guide_bearings import where_bearings_agree
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
-from faintrack.scenario.bearings import BearingsTable
-from faintrack.scenario.model import Scenario
 from faintrack.sensors.bearing_sets import BearingSensor
 from faintrack.targets.births import RangeBirth
 from faintrack.targets.motion import PlanarMotion

@@ -4,6 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from faintrack.plots.bearing import COLUMNS, GREY, LINE, draw_record
+from faintrack.results.stations import each_target
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -11,9 +13,7 @@ from matplotlib.patches import Ellipse, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from faintrack.plots.bearing import COLUMNS, GREY, LINE, draw_record
 from faintrack.results.result import Result
-from faintrack.results.stations import each_target
 from faintrack.sensors.stations import Fans, Stations
 from faintrack.targets.states import PlanarState
 

@@ -2,17 +2,17 @@
 
 import numpy as np
 import xarray as xr
+from faintrack.plots.bearing import GREY, LINE, TRACK, draw_existence, each_track
+from faintrack.plots.frames import ends
+from faintrack.scenario.build_returns import expected_returns, sonar_axes
+from faintrack.scenario.sonar import SonarTable
 from jax import numpy as jnp
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from faintrack.plots.bearing import GREY, LINE, TRACK, draw_existence, each_track
-from faintrack.plots.frames import ends
 from faintrack.results.result import Result
-from faintrack.scenario.build_returns import expected_returns, sonar_axes
-from faintrack.scenario.sonar import SonarTable
 from faintrack.sensors.bistatic import Bistatic, fixed
 
 ACROSS = 4

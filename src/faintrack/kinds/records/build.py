@@ -7,6 +7,8 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from faintrack.scenario.model import Scenario
+from faintrack.scenario.stations import SeveralTable, StationTable
 from jaxtyping import Float
 
 from faintrack.beliefs.axis import Axis, between
@@ -14,9 +16,7 @@ from faintrack.data.records import InStep
 from faintrack.errors import InputError
 from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.scenario.array import Pair
-from faintrack.scenario.model import Scenario
 from faintrack.scenario.plane import Plane
-from faintrack.scenario.stations import SeveralTable, StationTable
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.stations import Fans, Stations
 from faintrack.targets.motion import PlanarMotion

@@ -16,17 +16,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from faintrack.kinds.session import collect
+from faintrack.kinds.session_frames import slots_of, snapshots_of
+from faintrack.scenario.build_returns import build_binned, build_grid, build_returns_tracker, ping_interval
+from faintrack.scenario.model import Scenario
 from jaxtyping import Array
 
 from faintrack.beliefs.belief import mode
 from faintrack.beliefs.grids import Grid, marginal
 from faintrack.data.returns import Returns
 from faintrack.errors import naming
-from faintrack.kinds.session import collect
-from faintrack.kinds.session_frames import slots_of, snapshots_of
 from faintrack.results.result import Result, marginals_dataset, pings_dataset
-from faintrack.scenario.build_returns import build_binned, build_grid, build_returns_tracker, ping_interval
-from faintrack.scenario.model import Scenario
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
 from faintrack.targets.states import PlanarState

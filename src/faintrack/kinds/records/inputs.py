@@ -17,6 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from faintrack.kinds.session_stations import beamformed
+from faintrack.scenario.model import Scenario
+from faintrack.scenario.stations import StationTable
 
 from faintrack.data import sequence
 from faintrack.errors import InputError, naming
@@ -24,10 +27,7 @@ from faintrack.io.arrays import match_channels
 from faintrack.io.columns import read_columns
 from faintrack.io.recordings import read
 from faintrack.io.records import holds_record, read_record
-from faintrack.kinds.session_stations import beamformed
 from faintrack.scenario.array import build
-from faintrack.scenario.model import Scenario
-from faintrack.scenario.stations import StationTable
 from faintrack.sensors.array import SensorArray
 
 PLACES = {"x_m": ("x_m", "y_m"), "latitude_deg": ("latitude_deg", "longitude_deg")}
