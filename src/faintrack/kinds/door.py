@@ -330,26 +330,33 @@ def opened(what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool 
     return kind, kind.read(paths, complete) if held is None else what, complete
 
 
-def kind_of_files(paths: tuple[Path, ...], given: "Given") -> Kind:
+def kind_of_files(paths: tuple[Path, ...], given: Given) -> Kind:
     """The kind of data that files hold.
 
     Raises
     ------
-    InputError : a file is missing, or may be of several kinds, or of none.
+    InputError : a file may be of several kinds, or of none, or of one that has no such sections.
     """
-    able = [kind for kind in kinds() if set(given.sections) <= set(kind.scenario.model_fields)]
-    holding = [kind for kind in able if kind.holds(paths)]
-    if len(holding) == 1:
-        return holding[0]
     listed = ", ".join(map(str, paths))
-    if not holding:
-        names = ", ".join(kind.name for kind in able)
+    holding = [kind for kind in kinds() if kind.holds(paths)]
+    able = [kind for kind in holding if set(given.sections) <= set(kind.scenario.model_fields)]
+    if len(able) == 1:
+        return able[0]
+    if able:
+        names = " or ".join(kind.name for kind in able)
+        raise InputError(f"{listed}: it may hold {names}; expected a scenario with kind = one of them (--kind KIND).")
+    if holding:
+        kind = holding[0]
+        other = next(name for name in given.sections if name not in kind.scenario.model_fields)
+        known = ", ".join(kind.scenario.model_fields)
         raise InputError(
-            f"{listed}: what it holds is not told by its name; expected a scenario with kind = one of {names} "
-            "(--kind KIND)."
+            f"{listed} holds {kind.name}, of which a scenario has no section {other}; expected {known}, or another "
+            "kind = ... (--kind KIND)."
         )
-    names = " or ".join(kind.name for kind in holding)
-    raise InputError(f"{listed}: it may hold {names}; expected a scenario with kind = one of them (--kind KIND).")
+    names = ", ".join(kind.name for kind in kinds() if set(given.sections) <= set(kind.scenario.model_fields))
+    raise InputError(
+        f"{listed}: the name does not tell what it holds; expected a scenario with kind = one of {names} (--kind KIND)."
+    )
 
 
 @contextmanager
