@@ -1,8 +1,8 @@
 """The threshold on existence at which a scenario declares a false track as rarely as is wished.
 
 Every kind can draw data without a target; the highest existence of each of many such runs is kept, and the threshold is
-the quantile that as many runs exceed as are wanted (`faintrack.metrics.thresholds`). A kind that has a faster way, such as
-Wald's identity for likelihood ratios whose data are drawn within the compiled program, brings its own.
+the quantile that as many runs exceed as are wanted (`faintrack.metrics.thresholds`). A kind that has a faster way, such
+as Wald's identity for likelihood ratios whose data are drawn within the compiled program, brings its own.
 """
 
 from collections.abc import Callable

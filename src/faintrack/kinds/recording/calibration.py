@@ -35,6 +35,9 @@ BATCH = 16
 WALD_RUNS = 512
 """Runs with a target where the number is not given; a quarter as many without one are drawn beside them."""
 
+LONGEST = 100_000
+"""Frames of a run at most: more would not end."""
+
 
 def calibrate(
     scenario: RecordingScenario, probability: float, duration: float, runs: int | None, seed: int, progress: Progress
