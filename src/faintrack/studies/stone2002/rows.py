@@ -164,8 +164,8 @@ def _periscope(results: Results) -> list[Row]:
     for scr_db in periscope.SCR_DB:
         at = finished(results, periscope_name(scr_db))
         if at is not None:
-            name = f"{peak}, log10, target {scr_db} dB over clutter"
-            ours.append(_median(f"periscope_log10_peak_{scr_db}_db", name, at.peak / math.log(10))[0])
+            name = f"{peak}, log10, target {scr_db} dB over clutter, median"
+            ours.append(median(f"periscope_log10_peak_{scr_db}_db", name, "1", at.peak / math.log(10)))
     return ours
 
 
