@@ -62,7 +62,7 @@ def _bearings(axes: np.ndarray, run: xr.Dataset) -> None:
     true = np.arctan2(run.y.values - np.asarray(observer.y), run.x.values - np.asarray(observer.x))
     nearest = np.where(reported, np.abs(run.bearing.values - true[:, None]), np.inf).argmin(axis=1)
     scan, entry = np.nonzero(reported)
-    ends = {"xlim": (0, scene.SCANS + 1), "ylim": (-180, 180), "yticks": range(-180, 181, 90)}
+    ends: dict[str, Any] = {"xlim": (0, scene.SCANS + 1), "ylim": (-180, 180), "yticks": range(-180, 181, 90)}
     for axis in axes:
         axis.plot(scene.TIME[scan], np.degrees(run.bearing.values[scan, entry]), "o", color=GREY, ms=4)
         finish(axis, xlabel="time (s)", **ends)
@@ -133,7 +133,7 @@ def _operating(axes: np.ndarray, curves: dict[str, list[Method]]) -> None:
 
 def _influence(axes: np.ndarray, results: Results) -> None:
     """Detections and false alarms as the sensor gets worse."""
-    false = {1: "false_1", int(scene.FALSE_PER_SCAN): "start", 20: "false_20"}
+    false: dict[float, str] = {1: "false_1", scene.FALSE_PER_SCAN: "start", 20: "false_20"}
     detection = {0.7: "detection_70", 0.9: "detection_90", 1.0: "start"}
     labels = "false bearings a scan", "probability of detection"
     for axis, label, settings in zip(axes, labels, (false, detection), strict=True):

@@ -78,7 +78,7 @@ def _surfaces(run: xr.Dataset) -> list[Panel]:
     def panel(number: int, time: int) -> Panel:
         height = np.where(np.isfinite(surface[time]), surface[time], np.nan)
 
-        def draw(axis: Axes) -> None:
+        def draw(axis: Any) -> None:
             axis.plot_surface(position, velocity, height, cmap="viridis", rstride=1, cstride=1, lw=0)
             truth = simulation.START + simulation.VELOCITY * time
             axis.scatter([truth], [simulation.VELOCITY], [np.nanmax(height) + 5], marker="v", color=TRUTH)
