@@ -7,7 +7,7 @@ command line calls the same functions and adds nothing, so that command and Pyth
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -148,8 +148,7 @@ def track(
         seconds = clock.perf_counter() - start
         result = Result(open_blocks(folder), plan.scenario, kind, seconds, remarks)
         write_rest(folder, result)
-        result.report(folder / "report.html")
-    return read_result(out)
+    return _reported(read_result(out), Path(out) / "report.html")
 
 
 def follow(
@@ -393,6 +392,17 @@ def _paths(what: Any) -> tuple[Path, ...]:
         if not path.exists():
             raise InputError(f"{path} does not exist.")
     return paths
+
+
+def _reported(result: Result, file: Path) -> Result:
+    """Result whose report is written; a picture that fails is a remark beside a whole result."""
+    try:
+        result.report(file)
+    # Whatever a library of pictures raises: the result is there already.
+    except Exception as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        return replace(result, remarks=(*result.remarks, f"The report could not be drawn ({reason})."))
+    return result
 
 
 def _counted(blocks: Iterable[xr.Dataset], plan: Plan, progress: Progress) -> Iterator[xr.Dataset]:

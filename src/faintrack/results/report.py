@@ -4,10 +4,13 @@ import base64
 import html
 import io
 import math
+import os
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from faintrack.errors import InputError
 from faintrack.results.result import Result
 from faintrack.results.schema import column, places, units
 from faintrack.results.track import DEGREES
@@ -79,12 +82,20 @@ def write_report(path: str | Path, result: Result) -> Path:
     The path.
     """
     path = Path(path)
-    partial = path.with_name(path.name + ".partial")
+    text = report(result)
     try:
-        partial.write_text(report(result), encoding="utf-8")
-        partial.replace(path)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}).") from error
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror or error}).") from error
     finally:
-        partial.unlink(missing_ok=True)
+        Path(name).unlink(missing_ok=True)
     return path
 
 

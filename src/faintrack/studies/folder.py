@@ -14,12 +14,11 @@ process sees to that.
 
 import contextlib
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -27,19 +26,8 @@ import zarr
 
 from faintrack.errors import InputError
 from faintrack.io.checks import explained
+from faintrack.io.locks import Held, locked
 from faintrack.studies.study import Setting, Study
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(file: IO[str]) -> None:
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-else:
-    import fcntl
-
-    def _lock(file: IO[str]) -> None:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
 
 FORMAT = 1
 """Of the folder; another is not read."""
@@ -215,14 +203,15 @@ def open_folder(
         path.mkdir(parents=True, exist_ok=True)
         if not described.exists():
             _refuse_strangers(path)
-        lock = (path / ".lock").open("w", encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror}); expected a folder.") from error
-    with lock:
+    with contextlib.ExitStack() as held:
         try:
-            _lock(lock)
-        except OSError as error:
+            held.enter_context(locked(path / ".lock", keep=True))
+        except Held as error:
             raise InputError(f"{path} is in use by another study that runs now; give another --out.") from error
+        except OSError as error:
+            raise InputError(f"{path} cannot be written ({error.strerror}); expected a folder.") from error
         asked = Plan(
             study.name,
             0 if seed is None else seed,
