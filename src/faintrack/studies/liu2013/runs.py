@@ -148,7 +148,8 @@ def classic(sensor: BearingSensor, published: Array, birth: Any) -> Ipda:
         moments(birth),
         jnp.asarray(transition, float),
         jnp.kron(root @ root.T, jnp.eye(2)),
-        *scene.target(birth).transition(scene.INTERVAL),
+        scene.target(birth),
+        scene.INTERVAL,
     )
 
 
