@@ -26,7 +26,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief
-from faintrack.filters.resampling import systematic
+from faintrack.numerics.resampling import systematic
 from faintrack.targets.target import Target
 
 Guide = Callable[[Any, PRNGKeyArray, int], tuple[Any, Float[Array, " count"]]]

@@ -25,9 +25,9 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief
 from faintrack.filters.bernoulli_particle import Resample
-from faintrack.filters.resampling import systematic
-from faintrack.filters.run import Likelihood
+from faintrack.likelihoods.protocols import Likelihood
 from faintrack.numerics.draws import uniform
+from faintrack.numerics.resampling import systematic
 from faintrack.targets.target import Target
 
 

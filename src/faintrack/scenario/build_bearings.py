@@ -5,7 +5,6 @@ import math
 import jax.numpy as jnp
 
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
-from faintrack.filters.guide_bearings import where_bearings_agree
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
 from faintrack.scenario.bearings import BearingsTable
 from faintrack.scenario.model import Scenario
@@ -64,5 +63,5 @@ def build_bearings_tracker(scenario: Scenario) -> SingleTargetTracker:
         ObserversLikelihood(BearingSetLikelihood(build_sensor(table))),
         scenario.tracker.declare,
         scenario.tracker.drop,
-        where_bearings_agree,
+        guided=True,
     )

@@ -25,7 +25,7 @@ new, and read the rest here.
 """
 
 import math
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -36,14 +36,24 @@ from faintrack.errors import InputError
 from faintrack.numerics.draws import uniform
 
 Scalar = Float[Array, ""] | float
+State = TypeVar("State")
+Born = TypeVar("Born", covariant=True)
 
 
 @runtime_checkable
-class Motion(Protocol):
+class Motion(Protocol[State]):
     """Draws states after an interval; see `faintrack.targets.motion`."""
 
-    def move(self, states: Any, interval: Any, key: PRNGKeyArray) -> Any:
-        """Draw the states after `interval` seconds."""
+    def move(self, states: State, interval: Scalar, key: PRNGKeyArray) -> State:
+        """Draw the states after `interval` seconds; of the same kind and shape."""
+
+
+@runtime_checkable
+class Birth(Protocol[Born]):
+    """Draws states of targets that appear; see `UniformBirth` and `faintrack.targets.births`."""
+
+    def sample(self, key: PRNGKeyArray, count: int) -> Born:
+        """Draw `count` states; components have the shape (count,)."""
 
 
 class UniformBirth(eqx.Module):

@@ -47,11 +47,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.belief import covariance, mean, update
-from faintrack.filters.resampling import systematic
 from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, set_log_ratio
 from faintrack.likelihoods.within import REFUTED
 from faintrack.numerics.draws import normal, uniform
 from faintrack.numerics.precision import full_precision
+from faintrack.numerics.resampling import systematic
 from faintrack.sensors.stations import EnergyScan, Stations
 from faintrack.targets.target import Target, odds_of
 from faintrack.trackers.beliefs import Beliefs

@@ -27,7 +27,7 @@ def update_seconds(pulse: str, method: str) -> tuple[float, float]:
             return RandomPoints(model, scene.grid(cells), int(method[len("random")]), jax.random.key(0))
         return Guided(model, scene.grid(cells), runs.SWATH[pulse], runs.finer(cells))
 
-    update = eqx.filter_jit(lambda means, ping: means.log_ratio(ping))
+    update = eqx.filter_jit(lambda means, ping: means.log_mean_ratio(ping))
     jax.block_until_ready(update(prepare(), ping))
     means, preparing = _timed(prepare)
     _, later = min((_timed(lambda: update(means, ping)) for _ in range(REPEATS)), key=lambda each: each[1])
