@@ -70,7 +70,7 @@ class OfCells(eqx.Module):
 
     def log_ratio(self, ping: Ping, states: Any) -> Float[Array, "..."]:
         """Log of the mean ratio of each state's cell."""
-        table = jax.lax.optimization_barrier(self.means.log_ratio(ping))
+        table = jax.lax.optimization_barrier(self.means.log_mean_ratio(ping))
         index, inside = Cells(self.grid.axes).nearest(states)
         # Along axes that do not matter the means have one entry.
         cell = tuple(jnp.minimum(number, count - 1) for number, count in zip(index, table.shape, strict=True))

@@ -26,7 +26,7 @@ def update_seconds(pulse: str, method: str) -> tuple[float, float]:
             return RandomPoints(model, scene.grid(cells), int(method[len("random")]), jax.random.key(0))
         return Guided(model, scene.grid(cells), runs.SWATH[pulse], runs.finer(cells))
 
-    update = eqx.filter_jit(lambda means, ping: means.log_ratio(ping))
+    update = eqx.filter_jit(lambda means, ping: means.log_mean_ratio(ping))
     means = prepare()
     jax.block_until_ready(update(means, ping))
     later = min(seconds(lambda: update(means, ping)) for _ in range(REPEATS))

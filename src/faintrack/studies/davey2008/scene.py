@@ -64,7 +64,7 @@ class PixelMean(eqx.Module):
 
     likelihood: CellLikelihood
 
-    def log_ratio(self, scan: CellScan, states: PlanarState) -> Float[Array, "x y"]:
+    def log_mean_ratio(self, scan: CellScan) -> Float[Array, "x y"]:
         """Log of the mean ratio of every pixel."""
         reach = REACH * PLACES
         table = self.likelihood.table(scan)[reach:-reach, reach:-reach]

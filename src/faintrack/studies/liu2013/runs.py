@@ -24,7 +24,6 @@ from faintrack.baselines.pda import Association, Gaussian, turned, unscented
 from faintrack.beliefs.belief import Belief, mean
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.existence_particle import ExistenceParticleFilter, OfPossible, of_target
-from faintrack.filters.guide_bearings import along_bearings
 from faintrack.filters.run import Filter, Likelihood, step
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
 from faintrack.numerics.precision import full_precision
@@ -124,7 +123,7 @@ def method(
         return belief.log_odds, middle.x, middle.y
 
     begin = filter.init(jax.random.fold_in(key, scene.SCANS))
-    guided = along_bearings if isinstance(birth, RangeBirth) else False
+    guided = isinstance(birth, RangeBirth)
     return begin, lambda belief, scan, key: step(filter, takes_in, belief, scan, key, guided)[0], read
 
 
@@ -148,7 +147,8 @@ def classic(sensor: BearingSensor, published: Array, birth: Any) -> Ipda:
         moments(birth),
         jnp.asarray(transition, float),
         jnp.kron(root @ root.T, jnp.eye(2)),
-        *scene.target(birth).transition(scene.INTERVAL),
+        scene.target(birth),
+        scene.INTERVAL,
     )
 
 
