@@ -350,7 +350,9 @@ def _look(
         leave_out("sentinel", repeated & np.isin(values, [*SENTINELS, 2147483648.0]))  # 2^31 - 1 in single precision
     scale = level(clean) if scale is None else scale
     # Of numbers only: what is missing was looked at.
-    leave_out("too large", np.abs(np.where(left, values, 0.0)) > min(LARGEST * scale, np.finfo(values.dtype).max))
+    leave_out(
+        "too large", np.abs(np.where(left, values, 0.0)) > min(LARGEST * scale, float(np.finfo(values.dtype).max))
+    )
     if constant_run is not None:
         leave_out("constant", lengths >= constant_run)
     clipped = (lengths >= CLIPPED_RUN) & left
