@@ -4,14 +4,18 @@ Libraries say what went wrong in many ways and few of them name the file. Here e
 of one sentence.
 """
 
+import functools
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError
 from faintrack.io import limits
 
@@ -80,6 +84,70 @@ def explained(complaint: str) -> Iterator[None]:
         said = getattr(error, "strerror", None)
         reason = said if isinstance(said, str) else " ".join(_words(error)[:2000].split())
         raise InputError(f"{complaint} ({(reason or type(error).__name__).rstrip('.')}).") from error
+
+
+def reader(kind: str) -> Callable[[Callable[[Path], Any]], Callable[[Path], Any]]:
+    """Decorate a function that opens a file: whatever it raises, or what it gives raises later, is an InputError.
+
+    Parameters
+    ----------
+    kind : of the file, for messages; where empty the suffix.
+
+    Returns
+    -------
+    Decorator of a function from a path to a recording, a sequence, or a table of variables. Reads of a recording
+    give as many samples as it has between start and stop, or raise.
+
+    Examples
+    --------
+    >>> from faintrack.data.recording import Recording
+    >>> @reader("WAV")
+    ... def lost(path):
+    ...     return Recording(lambda start, stop: 1 / 0, 10, 100.0, ("a",))
+    >>> lost(Path("rec.wav")).read(0, 5)
+    Traceback (most recent call last):
+        ...
+    faintrack.errors.InputError: rec.wav cannot be read as WAV (division by zero).
+    """
+
+    def decorate(opening: Callable[[Path], Any]) -> Callable[[Path], Any]:
+        @functools.wraps(opening)
+        def opened(path: Path) -> Any:
+            complaint = f"{path} cannot be read as {kind or path.suffix[1:].upper()}"
+            with explained(complaint):
+                found = opening(path)
+            if isinstance(found, Mapping):
+                return {
+                    name: replace(value, read=_explained_read(complaint, value.read)) for name, value in found.items()
+                }
+            if isinstance(found, Recording):
+                return replace(found, read=_whole_read(complaint, found))
+            return replace(found, read=_explained_read(complaint, found.read))
+
+        return opened
+
+    return decorate
+
+
+def _explained_read(complaint: str, read: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+    def explained_read(*part: Any) -> np.ndarray:
+        with explained(complaint):
+            return read(*part)
+
+    return explained_read
+
+
+def _whole_read(complaint: str, recording: Recording) -> Callable[[int, int], np.ndarray]:
+    def whole_read(start: int, stop: int) -> np.ndarray:
+        start, stop = max(start, 0), min(stop, recording.length)
+        expected = max(stop - start, 0), recording.channels
+        with explained(complaint):
+            samples = recording.read(start, stop) if stop > start else np.empty(expected, np.float32)
+        if samples.shape != expected:
+            raise InputError(f"{complaint} (samples {start} to {stop} have shape {samples.shape}, not {expected}).")
+        return samples
+
+    return whole_read
 
 
 def _words(error: Exception) -> str:

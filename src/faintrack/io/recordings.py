@@ -12,15 +12,14 @@ import numpy as np
 
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError
-from faintrack.io.audio import open_audio
+from faintrack.io.audio import SUFFIXES, open_audio
 from faintrack.io.checks import samples_between
 from faintrack.io.hierarchical import open_hdf5, open_zarr
 from faintrack.io.miniseed import open_miniseed
 from faintrack.io.seismic import open_sac, station_names
 
 READERS: dict[str, Callable[[Path], Recording]] = {
-    ".wav": open_audio,
-    ".flac": open_audio,
+    **dict.fromkeys(SUFFIXES, open_audio),
     ".h5": open_hdf5,
     ".hdf5": open_hdf5,
     ".zarr": open_zarr,
