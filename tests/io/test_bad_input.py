@@ -207,7 +207,7 @@ def test_miniseed_damaged_in_the_middle(tmp_path):
         ({"sample_rate": 50.0}, "b.h5 has 50 Hz and "),
         ({"start_time": None}, "only one tells when it starts; expected both or none."),
         ({"start_time": START + np.timedelta64(1, "D")}, "have no time in common."),
-        ({"start_time": START + np.timedelta64(34, "ms")}, "a.h5: the start times differ by 3.40 samples"),
+        ({"start_time": START + np.timedelta64(34, "ms")}, "b.h5: the start times differ by 3.40 samples"),
     ],
 )
 def test_files_that_do_not_belong_together(tmp_path, second, expected):

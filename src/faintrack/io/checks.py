@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from faintrack.data.recording import Recording
-from faintrack.errors import InputError
+from faintrack.errors import InputError, naming
 from faintrack.io import limits
 
 _UTC = re.compile(r"(\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?)(?:Z|\+00:00)?")
@@ -53,6 +53,25 @@ def require_file(path: Path) -> None:
         raise InputError(f"{path} is empty.")
 
 
+def require_folder(path: Path, kind: str = "a Zarr folder") -> None:
+    """Refuse a path that is no folder.
+
+    Raises
+    ------
+    InputError : the path does not exist, or is a file.
+
+    Examples
+    --------
+    >>> require_folder(Path("nowhere/night.zarr"))
+    Traceback (most recent call last):
+        ...
+    faintrack.errors.InputError: nowhere/night.zarr does not exist.
+    """
+    with explained(f"{path} cannot be looked at"):
+        if not path.is_dir():
+            raise InputError(f"{path} {f'is a file; expected {kind}' if path.exists() else 'does not exist'}.")
+
+
 @contextmanager
 def explained(complaint: str) -> Iterator[None]:
     """Turn whatever a library raises inside the block into an InputError that starts with `complaint`.
@@ -86,7 +105,7 @@ def explained(complaint: str) -> Iterator[None]:
         raise InputError(f"{complaint} ({(reason or type(error).__name__).rstrip('.')}).") from error
 
 
-def reader(kind: str) -> Callable[[Callable[[Path], Any]], Callable[[Path], Any]]:
+def reader(kind: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorate a function that opens a file: whatever it raises, or what it gives raises later, is an InputError.
 
     Parameters
@@ -110,38 +129,39 @@ def reader(kind: str) -> Callable[[Callable[[Path], Any]], Callable[[Path], Any]
     faintrack.errors.InputError: rec.wav cannot be read as WAV (division by zero).
     """
 
-    def decorate(opening: Callable[[Path], Any]) -> Callable[[Path], Any]:
+    def decorate(opening: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(opening)
-        def opened(path: Path) -> Any:
+        def opened(path: Path, *options: Any) -> Any:
             complaint = f"{path} cannot be read as {kind or path.suffix[1:].upper()}"
-            with explained(complaint):
-                found = opening(path)
+            with explained(complaint), naming(path):
+                found = opening(path, *options)
             if isinstance(found, Mapping):
                 return {
-                    name: replace(value, read=_explained_read(complaint, value.read)) for name, value in found.items()
+                    name: replace(value, read=_explained_read(path, complaint, value.read))
+                    for name, value in found.items()
                 }
             if isinstance(found, Recording):
-                return replace(found, read=_whole_read(complaint, found))
-            return replace(found, read=_explained_read(complaint, found.read))
+                return replace(found, read=_whole_read(path, complaint, found))
+            return replace(found, read=_explained_read(path, complaint, found.read))
 
         return opened
 
     return decorate
 
 
-def _explained_read(complaint: str, read: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+def _explained_read(path: Path, complaint: str, read: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
     def explained_read(*part: Any) -> np.ndarray:
-        with explained(complaint):
+        with explained(complaint), naming(path):
             return read(*part)
 
     return explained_read
 
 
-def _whole_read(complaint: str, recording: Recording) -> Callable[[int, int], np.ndarray]:
+def _whole_read(path: Path, complaint: str, recording: Recording) -> Callable[[int, int], np.ndarray]:
     def whole_read(start: int, stop: int) -> np.ndarray:
         start, stop = max(start, 0), min(stop, recording.length)
         expected = max(stop - start, 0), recording.channels
-        with explained(complaint):
+        with explained(complaint), naming(path):
             samples = recording.read(start, stop) if stop > start else np.empty(expected, np.float32)
         if samples.shape != expected:
             raise InputError(f"{complaint} (samples {start} to {stop} have shape {samples.shape}, not {expected}).")
@@ -280,11 +300,11 @@ def require_rate(rate: float, source: object) -> float:
     >>> require_rate(96000.0, "rec.wav")
     96000.0
     """
+    if not rate > 0:
+        raise InputError(f"{source}: the sample rate is {rate}, expected a number above 0 Hz.")
     if not limits.LOWEST_RATE <= rate <= limits.HIGHEST_RATE:
-        raise InputError(
-            f"{source}: the sample rate is {rate}, expected a number above 0 Hz, "
-            f"from {limits.LOWEST_RATE:g} to {limits.HIGHEST_RATE:g} Hz."
-        )
+        expected = f"{limits.LOWEST_RATE:g} to {limits.HIGHEST_RATE:g} Hz"
+        raise InputError(f"{source}: the sample rate is {rate}, expected {expected}.")
     return rate
 
 
