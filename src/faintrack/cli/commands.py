@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from faintrack.kinds import KINDS
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object for programs.")]
 Files = Annotated[list[Path], typer.Argument(help="Files of one kind of data, or a folder of images.")]
 KindName = Annotated[str | None, typer.Option("--kind", help="Kind of data, where files and scenario do not tell.")]
@@ -131,12 +133,10 @@ def info(
 
 
 def init(
-    kind: Annotated[str, typer.Argument(help="Kind of data; faintrack init --help lists them.")],
+    kind: Annotated[str, typer.Argument(help=f"Kind of data: {', '.join(KINDS)}.")],
     out: Annotated[Path | None, typer.Option(help="File to write; printed where not given.")] = None,
 ) -> None:
     """Write a scenario of a kind of data with every field, its default and what it means.
-
-    Kinds: recording, frames, returns, bearings, records, and those in faintrack.kinds.KINDS.
 
     Example: [bold]faintrack init frames --out scenario.toml[/bold]
     """
