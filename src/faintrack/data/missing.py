@@ -343,16 +343,18 @@ def _look(
         leave_out("masked", mask)
     leave_out("not finite", ~np.isfinite(values))
     fills = {kind(fill) for fill in (*FILL_VALUES, *fill_values) for kind in (np.float32, np.float64)}
-    leave_out("fill value", np.isin(values, [float(fill) for fill in fills]))
-    lengths = np.max([run_lengths(values, axis) for axis in axes], axis=0) if values.size else np.zeros(values.shape)
+    largest = float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+    if largest >= min(map(abs, fills)):
+        leave_out("fill value", np.isin(values, [float(fill) for fill in fills]))
+    lengths = _runs(values, axes)
     repeated = lengths >= SENTINEL_RUN
     if repeated.any():
         leave_out("sentinel", repeated & np.isin(values, [*SENTINELS, 2147483648.0]))  # 2^31 - 1 in single precision
     scale = level(clean) if scale is None else scale
     # Of numbers only: what is missing was looked at.
-    leave_out(
-        "too large", np.abs(np.where(left, values, 0.0)) > min(LARGEST * scale, float(np.finfo(values.dtype).max))
-    )
+    most = min(LARGEST * scale, float(np.finfo(values.dtype).max))
+    if largest > most:
+        leave_out("too large", np.abs(np.where(left, values, 0.0)) > most)
     if constant_run is not None:
         leave_out("constant", lengths >= constant_run)
     clipped = (lengths >= CLIPPED_RUN) & left
@@ -363,6 +365,26 @@ def _look(
             # The lower end of a converter is one step further away than the upper.
             clipped &= np.abs(values) >= extreme * (1 - 2.0**-7)
     return clean, reasons, clipped
+
+
+def _runs(values: np.ndarray, axes: tuple[int, ...]) -> Int[np.ndarray, "..."]:
+    """Longest run of equal values along any of the axes that every value belongs to; 0 where runs are too short to tell.
+
+    Few channels hold runs at all, and one comparison finds them.
+    """
+    lengths = np.zeros(values.shape, np.int32)
+    for axis in axes:
+        moved, into = np.moveaxis(values, axis, 0), np.moveaxis(lengths, axis, 0)
+        shortest = min(SENTINEL_RUN, CLIPPED_RUN)
+        if len(moved) < shortest:
+            continue
+        # A run of three has two equal neighbours at every other place.
+        equal = moved[1:] == moved[:-1]
+        twice = equal[1:] & equal[:-1]
+        columns = twice.reshape(len(twice), -1).any(axis=0).reshape(moved.shape[1:])
+        if columns.any():
+            into[:, columns] = np.maximum(into[:, columns], run_lengths(moved[:, columns], 0))
+    return lengths
 
 
 def _report(reasons: Mapping[str, np.ndarray], clipped: np.ndarray, by_channel: bool) -> Missing:
