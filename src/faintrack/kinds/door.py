@@ -139,14 +139,13 @@ def track(
         from faintrack.kinds.truth import laid_beside
 
         blocks = laid_beside(blocks, truth, plan)
-    remarks = tuple(getattr(data, "remarks", ()))
     if out is None:
         held = [block if pictures else block.drop_vars(PICTURES, errors="ignore") for block in blocks]
-        return Result(joined(held), plan.scenario, kind, clock.perf_counter() - start, remarks)
+        return Result(joined(held), plan.scenario, kind, clock.perf_counter() - start, _remarks(data, plan))
     with result_folder(out) as folder:
         write_blocks(folder, blocks)
         seconds = clock.perf_counter() - start
-        result = Result(open_blocks(folder), plan.scenario, kind, seconds, remarks)
+        result = Result(open_blocks(folder), plan.scenario, kind, seconds, _remarks(data, plan))
         write_rest(folder, result)
     return _reported(read_result(out), Path(out) / "report.html")
 
@@ -392,6 +391,11 @@ def _paths(what: Any) -> tuple[Path, ...]:
         if not path.exists():
             raise InputError(f"{path} does not exist.")
     return paths
+
+
+def _remarks(data: Any, plan: Plan) -> tuple[str, ...]:
+    """What a user must know of data and of how they were taken in; each sentence once."""
+    return tuple(dict.fromkeys((*getattr(data, "remarks", ()), *plan.remarks())))
 
 
 def _reported(result: Result, file: Path) -> Result:
