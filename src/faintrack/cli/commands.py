@@ -118,6 +118,7 @@ def info(
     files: Files,
     scenario: ScenarioFile = None,
     kind: KindName = None,
+    array: ArrayFile = None,
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:
@@ -128,7 +129,7 @@ def info(
     from faintrack import info as tell
     from faintrack.cli.options import sections_of
 
-    about = tell(*files, scenario=scenario, **sections_of(settings, kind))
+    about = tell(*files, scenario=scenario, **sections_of(settings, kind, array))
     print(json.dumps(about.as_dict()) if as_json else about)
 
 

@@ -101,6 +101,7 @@ def track(
     out: str | Path | None = None,
     truth: Any = None,
     progress: Progress = lambda scans, total: None,
+    tell: Callable[[str], None] = lambda sentence: None,
     pictures: bool = True,
     **sections: Any,
 ) -> Result:
@@ -113,6 +114,7 @@ def track(
     out : folder that data, tables, scenario and report are kept in; see `faintrack.results.folder`.
     truth : where targets really were, to lay beside the tracks: a path, see `faintrack.kinds.truth`.
     progress : is called while the run goes on.
+    tell : is called before the run with each sentence of what was assumed, or cannot be told with this set-up.
     pictures : whether what only pictures read is kept where there is no `out`.
     sections : of the scenario, in place of its own fields: `analysis={"band": [100, 1500]}`, `array="array.toml"`.
 
@@ -134,6 +136,8 @@ def track(
     kind, data, what_to_run = opened(what, scenario, sections)
     start = clock.perf_counter()
     plan = kind.plan(data, what_to_run)
+    for check in (*getattr(data, "remarks", ()), *plan.checks):
+        tell(check)
     blocks = _counted(datasets(plan), plan, progress)
     if truth is not None:
         from faintrack.kinds.truth import laid_beside
@@ -395,7 +399,7 @@ def _paths(what: Any) -> tuple[Path, ...]:
 
 def _remarks(data: Any, plan: Plan) -> tuple[str, ...]:
     """What a user must know of data and of how they were taken in; each sentence once."""
-    return tuple(dict.fromkeys((*getattr(data, "remarks", ()), *plan.remarks())))
+    return tuple(dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks())))
 
 
 def _reported(result: Result, file: Path) -> Result:

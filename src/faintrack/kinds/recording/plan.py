@@ -17,6 +17,7 @@ from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import first_key
 from faintrack.kinds.recording.build import build_beamformer, build_tracker, default_snr_db
+from faintrack.kinds.recording.checks import about_array, about_levels, as_heard
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.results.schema import bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
@@ -62,8 +63,11 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     InputError : there is no array, or recording, array, band and frame do not fit together.
     """
     array, rule = array_of(recording, scenario)
+    band = scenario.analysis.band
+    array, straight = as_heard(array, recording.sample_rate / 2 if band is None else band[1])
     beamformer, length, count = plan_frames(recording, array, scenario)
     clean = CleanRecording(recording)
+    described: Any = scenario.array
     likelihood = scenario.likelihood
     noise_power = None
     if likelihood.noise_power is not None:
@@ -95,7 +99,13 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         length=count,
         size=int(np.clip(BLOCK_BYTES // frame_bytes, 1, min(LONGEST_BLOCK, count))),
         seed=scenario.filter.seed,
-        remarks=lambda: (*rule, *clean.remarks(), *_rest(recording, count * length)),
+        checks=(
+            *rule,
+            *straight,
+            *about_array(array, described, beamformer, recording.sample_rate),
+            *about_levels(CleanRecording(recording).recording, array),
+        ),
+        remarks=lambda: (*clean.remarks(), *_rest(recording, count * length)),
         within=math.degrees(lobe_width(array, float(beamformer.grid.frequency[-1]))),
     )
 
