@@ -332,7 +332,7 @@ def _look(
     # Nearly every block is like this, and three passes tell: then nothing is copied.
     if values.size and not np.ma.isMaskedArray(samples):
         largest = max(float(values.max()), -float(values.min()))
-        if largest < min(most, *map(abs, fills)) and not any(_has_runs(values, axis).any() for axis in axes):
+        if largest < min(most, *map(abs, fills)) and not _runs_matter(values, largest, axes, constant_run):
             return values.astype(np.float64 if double else np.float32, copy=False), {}, np.zeros(values.shape, bool)
     clean = values.astype(np.float64 if double else np.float32)
     left = np.ones(values.shape, bool)
@@ -367,6 +367,16 @@ def _look(
             # The lower end of a converter is one step further away than the upper.
             clipped &= np.abs(values) >= extreme * (1 - 2.0**-7)
     return clean, reasons, clipped
+
+
+def _runs_matter(values: np.ndarray, largest: float, axes: tuple[int, ...], constant_run: int | None) -> bool:
+    """Whether runs of equal values are to be looked at: there are some, and they may be marks or a full scale."""
+    if constant_run is None:
+        full = bool(np.isin(np.float32(largest), np.asarray(FULL_SCALE, np.float32)))
+        marks = largest >= min(map(abs, SENTINELS)) and bool(np.isin(values, [*SENTINELS, 2147483648.0]).any())
+        if not (full or marks):
+            return False
+    return any(_has_runs(values, axis).any() for axis in axes)
 
 
 def _has_runs(values: np.ndarray, axis: int) -> Bool[np.ndarray, "..."]:

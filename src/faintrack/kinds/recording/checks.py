@@ -62,7 +62,7 @@ def about_array(
         remarks.append(f"The array does not tell the sound speed; {array.sound_speed:g} m/s was taken.")
     if aperture < SMALLEST * wave:
         remarks.append(
-            f"The array is {aperture:.3g} m long and the shortest wave {wave:.3g} m: it can hardly tell a bearing. "
+            f"The array is {aperture:.3g} m long and the shortest wave {wave:.3g} m: it hardly tells a bearing. "
             "Are the positions in metres, and is the sound speed that of the medium?"
         )
     elif aperture > LARGEST * wave:
@@ -103,8 +103,8 @@ def about_levels(recording: Recording, array: SensorArray) -> tuple[str, ...]:
     off = level - np.nanmedian(level)
     return tuple(
         f"Channel {recording.channel_names[number]} is {abs(off[number]):.0f} dB "
-        f"{'louder' if off[number] > 0 else 'quieter'} than the others in the first seconds: expected a gain in the array "
-        "that corrects it, or the channel in its list of dead ones."
+        f"{'louder' if off[number] > 0 else 'quieter'} than the others in the first seconds: expected a gain in the "
+        "array that corrects it, or the channel in its list of dead ones."
         for number in np.flatnonzero(np.abs(np.nan_to_num(off)) > LOUDER_DB)
     )
 
