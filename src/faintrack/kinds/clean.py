@@ -97,4 +97,6 @@ class CleanFrames:
 
     def remarks(self) -> tuple[str, ...]:
         """What was left out of what was read so far; one sentence each."""
-        return () if self._missing is None else self._missing.sentences()
+        times = self._sequence.times
+        apart = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
+        return () if self._missing is None else self._missing.sentences(sample_rate=1 / apart)

@@ -72,8 +72,8 @@ def about_array(
         )
     elif (lobe := _grating_lobe(array, plan.grid.frequency)) is not None:
         remarks.append(
-            f"In this band the array hears a wave from {lobe[0]:.0f} degrees as one from {lobe[1]:.0f} degrees (grating "
-            "lobes): a wider band, or a lower one, tells them apart."
+            f"In this band the array hears a wave from {lobe[0]:.0f} degrees as one from {lobe[1]:.0f} degrees "
+            "(grating lobes): a wider band, or a lower one, tells them apart."
         )
     transit, length = aperture / array.sound_speed, plan.snapshot / sample_rate
     if length < TRANSITS * transit:
