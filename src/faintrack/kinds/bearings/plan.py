@@ -112,4 +112,3 @@ def _of_observers(
         attributes = {"units": "m", "long_name": f"{name} of the observer"}
         variables[f"observer_{name}"] = (("time", "observer"), bearings.place[numbers, :, axis], attributes)
     return variables
-

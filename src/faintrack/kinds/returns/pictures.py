@@ -117,7 +117,9 @@ def draw_counts(axes: Axes, result: Result) -> None:
     axes.plot(data.time, data.returns, color=LINE, linewidth=1.0, drawstyle="steps-mid")
     expected = expected_returns(result.scenario.sonar)
     axes.axhline(expected, color=GREY, linestyle="--", linewidth=0.8)
-    axes.text(0.005, 0.87, f"dashed: {expected:.3g} expected of noise alone", transform=axes.transAxes, fontsize=8, color=GREY)
+    axes.text(
+        0.005, 0.87, f"dashed: {expected:.3g} expected of noise alone", transform=axes.transAxes, fontsize=8, color=GREY
+    )
     axes.set_ylim(0, 1.3 * max(expected, float(data.returns.max()), 1))
     axes.set_ylabel("returns")
     axes.grid(alpha=0.3)

@@ -162,7 +162,11 @@ def _dataset(
 def _maps(times: np.ndarray, maps: list[np.ndarray], grid: Grid) -> xr.Dataset:
     """What is believed of position and velocity after some pings, with a snapshot axis in place of time."""
     coordinates: dict[str, Any] = {
-        f"axis_{name}": (f"axis_{name}", axis.values, {"units": "m/s" if name in MAPS["velocity"] else "m", "long_name": name})
+        f"axis_{name}": (
+            f"axis_{name}",
+            axis.values,
+            {"units": "m/s" if name in MAPS["velocity"] else "m", "long_name": name},
+        )
         for name, axis in grid.axes
     }
     coordinates["snapshot"] = ("snapshot", times, {"units": "s", "long_name": "time from the first ping"})
