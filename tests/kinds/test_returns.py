@@ -56,7 +56,7 @@ def test_noise_gives_no_track() -> None:
 def test_what_is_kept_agrees_with_itself(followed: Result) -> None:
     data = followed.data
     sizes = {"axis_x": 12, "axis_y": 12, "axis_vx": 3, "axis_vy": 3}
-    assert data.position.sizes | data.velocity.sizes == {"snapshot": 8, **sizes}
+    assert {**data.position.sizes, **data.velocity.sizes} == {"snapshot": 8, **sizes}
     assert data.existence.sizes == {"time": PINGS, "slot": 1}
     for names in (("x", "y"), ("vx", "vy")):
         chance = np.exp(data["position" if names[0] == "x" else "velocity"])

@@ -76,7 +76,7 @@ def draw_place(axes: Axes, data: xr.Dataset) -> None:
         x, y = track.mean["x"], track.mean["y"]
         axes.plot(x, y, color=TRACK, linewidth=1.4, label="track" if count == 0 else None)
         axes.plot(x[:1], y[:1], "o", color=TRACK, markersize=6)
-        for scan in np.unique(np.linspace(0, len(x) - 1, ELLIPSES).astype(int)):
+        for scan in np.unique(np.linspace(0, len(x) - 1, ELLIPSES).astype(int)).tolist():
             axes.plot(*ellipse(track, scan), color=TRACK, linewidth=0.7, alpha=0.6)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"east (m); marks: where they start; ellipses: {SIGMAS:g} standard deviations")

@@ -1,7 +1,6 @@
 """Returns drawn from the model: echoes of targets in noise, or noise alone."""
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -52,10 +51,10 @@ def _drawn(scenario: ReturnsScenario, targets: tuple[PlanarTargetSection, ...], 
     likelihood = build_likelihood(scenario.sonar, sonar)
     times = section.interval * np.arange(section.pings)
     states, there = states_of(targets, times)
-    keys = jax.vmap(partial(jax.random.fold_in, jax.random.key(seed)))(jnp.arange(section.pings))
+    key = jax.random.key(seed)
     capacity, lost = capacity_for(likelihood, len(targets)), np.array(True)
     while lost.any():
-        pings, lost = _pings(likelihood, capacity, keys, jnp.asarray(times, float), states, jnp.asarray(there))
+        pings, lost = _pings(likelihood, capacity, key, jnp.asarray(times, float), states, jnp.asarray(there))
         capacity *= 2
     return replace(from_pings(pings, sonar, "simulation"), times=times)
 
@@ -64,10 +63,14 @@ def _drawn(scenario: ReturnsScenario, targets: tuple[PlanarTargetSection, ...], 
 def _pings(
     likelihood: ExceedanceLikelihood,
     capacity: int,
-    keys: PRNGKeyArray,
+    key: PRNGKeyArray,
     times: Float[Array, " ping"],
     states: Any,
     there: Bool[Array, "ping target"],
 ) -> tuple[Ping, Int[Array, " ping"]]:
     """Pings one after the other, stacked, and how many returns each had no entry for."""
-    return jax.lax.map(lambda one: draw_ping(one[0], likelihood, capacity, *one[1:]), (keys, times, states, there))
+
+    def ping(one: tuple[Array, Array, Any, Array]) -> tuple[Ping, Array]:
+        return draw_ping(jax.random.fold_in(key, one[0]), likelihood, capacity, *one[1:])
+
+    return jax.lax.map(ping, (jnp.arange(len(times)), times, states, there))
