@@ -49,6 +49,7 @@ KIND = Kind(
     write=room("faintrack.io.bearings", "write_bearings"),
     plan=room("faintrack.kinds.bearings.plan", "plan"),
     simulate=room("faintrack.kinds.bearings.simulate", "simulate"),
+    targets=room("faintrack.kinds.bearings.simulate", "targets"),
     silence=room("faintrack.kinds.bearings.simulate", "silence"),
     describe=_describe,
     about=room("faintrack.kinds.bearings.report", "about"),

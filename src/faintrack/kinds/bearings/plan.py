@@ -28,6 +28,9 @@ from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 BLOCK_SCANS = 64
 """Scans taken in at once. Files of any length then share one compiled step."""
 
+NEAR = 0.1
+"""How near a track must be to a known target to be one of it, over the size of where new targets are looked for."""
+
 
 class BearingsStep(eqx.Module):
     """Sets of bearings through a tracker."""
@@ -93,6 +96,7 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
         length=length,
         size=BLOCK_SCANS,
         seed=scenario.filter.seed,
+        within=NEAR * max(ends[1] - ends[0] for ends in (table.range, table.x, table.y) if ends is not None),
     )
 
 

@@ -84,7 +84,7 @@ class ObserverSection(Section):
 
     path: Annotated[
         tuple[Annotated[tuple[float, float, float], Field(strict=False)], ...], Field(strict=False, min_length=1)
-    ] = Field(examples=[((0.0, 0.0, 0.0), (60.0, 600.0, 0.0))])
+    ]
 
     @model_validator(mode="after")
     def _ascending(self) -> "ObserverSection":
@@ -109,8 +109,10 @@ class SimulationSection(Section):
     scans: int = Field(ge=1, le=1_000_000, examples=[60])
     interval: float = Field(default=1.0, gt=0)
     seed: int = Field(default=0, ge=0, lt=2**32)
-    observers: Annotated[tuple[ObserverSection, ...], Field(strict=False, min_length=1, max_length=64)]
-    targets: PlanarTargets = ()
+    observers: Annotated[tuple[ObserverSection, ...], Field(strict=False, min_length=1, max_length=64)] = Field(
+        examples=[[{"path": [[0.0, 0.0, 0.0], [60.0, 600.0, 0.0]]}]]
+    )
+    targets: PlanarTargets = Field(default=(), examples=[[{"x": 900.0, "y": 700.0, "vx": -8.0, "vy": 4.0}]])
 
 
 class BearingsScenario(Scenario):

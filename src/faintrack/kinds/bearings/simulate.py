@@ -13,7 +13,8 @@ from faintrack.data.bearings import Bearings
 from faintrack.errors import InputError
 from faintrack.kinds.bearings.build import build_sensor
 from faintrack.kinds.bearings.sections import BearingsScenario, SimulationSection
-from faintrack.scenario.moving import PlanarTargetSection, states_of
+from faintrack.kinds.planar import Targets, known, states_of
+from faintrack.results.truth import Known
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
 from faintrack.simulation.bearing_sets import draw_bearing_set
 from faintrack.targets.states import PlanarState
@@ -30,6 +31,11 @@ def simulate(scenario: BearingsScenario) -> Bearings:
     return _drawn(scenario, section.targets, section.seed)
 
 
+def targets(scenario: BearingsScenario) -> list[Known]:
+    """Targets of a simulation, as results tell their places."""
+    return known(_simulation(scenario).targets)
+
+
 def silence(scenario: BearingsScenario, seed: int) -> Bearings:
     """The same without a target."""
     return _drawn(scenario, (), seed)
@@ -41,7 +47,7 @@ def _simulation(scenario: BearingsScenario) -> SimulationSection:
     return scenario.simulation
 
 
-def _drawn(scenario: BearingsScenario, targets: tuple[PlanarTargetSection, ...], seed: int) -> Bearings:
+def _drawn(scenario: BearingsScenario, targets: Targets, seed: int) -> Bearings:
     section, sensor = _simulation(scenario), build_sensor(scenario.bearings)
     times = section.interval * np.arange(section.scans)
     states, there = states_of(targets, times)

@@ -57,6 +57,7 @@ KIND = Kind(
     write=room("faintrack.io.returns", "write_returns"),
     plan=room("faintrack.kinds.returns.plan", "plan"),
     simulate=room("faintrack.kinds.returns.simulate", "simulate"),
+    targets=room("faintrack.kinds.returns.simulate", "targets"),
     silence=room("faintrack.kinds.returns.simulate", "silence"),
     describe=_describe,
     about=room("faintrack.kinds.returns.report", "about"),

@@ -33,6 +33,9 @@ from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 BLOCK_PINGS = 16
 """Pings taken in at once. Files of any length then share one compiled step."""
 
+NEAR_CELLS = 3.0
+"""Cells from a known target within which a track is one of it."""
+
 MAPS = {"position": ("x", "y"), "velocity": ("vx", "vy")}
 """What is kept of the belief after some pings, and its axes."""
 
@@ -126,6 +129,8 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         length=returns.length,
         size=BLOCK_PINGS,
         seed=scenario.filter.seed,
+        within=NEAR_CELLS * max(axis.step for name, axis in grid.axes if name in MAPS["position"]),
+        limits={"x": scenario.grid.x, "y": scenario.grid.y},
         close=close,
     )
 

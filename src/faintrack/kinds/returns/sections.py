@@ -22,8 +22,8 @@ class PulseSection(Section):
     factor : of the sinc's argument: pi for the matched filter of an ideal pulse, 1 as aughenbaugh2010 has it.
     """
 
-    frequency: float = Field(gt=0, examples=[2000.0])
-    duration: float = Field(gt=0, examples=[1.0])
+    frequency: float = Field(gt=0)
+    duration: float = Field(gt=0)
     bandwidth: float = Field(default=0.0, ge=0)
     factor: float = Field(default=math.pi, gt=0)
 
@@ -69,7 +69,7 @@ class SonarSection(Section):
     finer : samples a bin.
     """
 
-    pulse: PulseSection
+    pulse: PulseSection = Field(examples=[{"frequency": 2000.0, "duration": 1.0, "bandwidth": 10.0}])
     delay: Pair = Field(examples=[(3.0, 22.9)])
     delay_bins: Bins | None = None
     delay_step: float | None = Field(default=None, gt=0, examples=[0.1])
@@ -78,8 +78,8 @@ class SonarSection(Section):
     doppler: Pair | None = None
     doppler_bins: Bins | None = None
     doppler_step: float | None = Field(default=None, gt=0)
-    source: Pair | None = None
-    receiver: Pair | None = None
+    source: Pair | None = Field(default=None, examples=[(0.0, 0.0)])
+    receiver: Pair | None = Field(default=None, examples=[(500.0, 1000.0)])
     sound_speed: float = Field(default=1500.0, gt=0)
     threshold_db: float = Field(gt=0, le=60, examples=[9.0])
     snr_db: float = Field(ge=-40, le=80, examples=[12.0])
@@ -173,7 +173,7 @@ class SimulationSection(Section):
     pings: int = Field(ge=2, le=1_000_000, examples=[30])
     interval: float = Field(gt=0, examples=[120.0])
     seed: int = Field(default=0, ge=0, lt=2**32)
-    targets: PlanarTargets = ()
+    targets: PlanarTargets = Field(default=(), examples=[[{"x": -9000.0, "y": 6000.0, "vx": 6.0, "vy": -3.0}]])
 
 
 class ReturnsScenario(Scenario):

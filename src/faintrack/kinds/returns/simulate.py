@@ -11,10 +11,11 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.data.returns import Returns
 from faintrack.errors import InputError
+from faintrack.kinds.planar import Targets, known, states_of
 from faintrack.kinds.returns.build import build_likelihood, build_sonar
 from faintrack.kinds.returns.sections import ReturnsScenario, SimulationSection
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
-from faintrack.scenario.moving import PlanarTargetSection, states_of
+from faintrack.results.truth import Known
 from faintrack.sensors.active import Ping
 from faintrack.signal.pings import from_pings
 from faintrack.simulation.active import capacity_for, draw_ping
@@ -31,6 +32,11 @@ def simulate(scenario: ReturnsScenario) -> Returns:
     return _drawn(scenario, section.targets, section.seed)
 
 
+def targets(scenario: ReturnsScenario) -> list[Known]:
+    """Targets of a simulation, as results tell their places."""
+    return known(_simulation(scenario).targets)
+
+
 def silence(scenario: ReturnsScenario, seed: int) -> Returns:
     """The same without a target."""
     return _drawn(scenario, (), seed)
@@ -42,7 +48,7 @@ def _simulation(scenario: ReturnsScenario) -> SimulationSection:
     return scenario.simulation
 
 
-def _drawn(scenario: ReturnsScenario, targets: tuple[PlanarTargetSection, ...], seed: int) -> Returns:
+def _drawn(scenario: ReturnsScenario, targets: Targets, seed: int) -> Returns:
     section = _simulation(scenario)
     for name in ("source", "receiver"):
         if getattr(scenario.sonar, name) is None:
