@@ -16,14 +16,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+import faintrack as ft
 from faintrack.data.bearings import from_columns
-from faintrack.io import read
-from faintrack.kinds.session import track
-from faintrack.kinds.session_bearings import track_bearings
-from faintrack.scenario.model import Scenario
-from faintrack.sensors.array import sensor_array
 
-ARRAY = sensor_array(
+ARRAY = ft.sensor_array(
     np.array([[-66.5, -44.5, 0.0], [-32.5, 77.8, 0.0], [88.2, -22.1, 0.0], [10.8, -11.1, 0.0]]), sound_speed=345.0
 )
 SOURCES = {
@@ -60,23 +56,23 @@ def within(time: np.ndarray, spans: list[tuple[float, float]]) -> np.ndarray:
 
 def found(data: xr.Dataset, bearing_deg: np.ndarray) -> dict[str, Any]:
     """Share of the frames of each source with a track near it, when it is first declared, and tracks elsewhere."""
-    time, label = data.time.values, data.label.values
+    time, label = data.time.values, data.label.values[:, 0]
     near_any = np.zeros(len(time), bool)
-    told: dict[str, Any] = {"sources": {}}
+    facts: dict[str, Any] = {"sources": {}}
     for name, (start, end, bearing) in SOURCES.items():
         there = (time >= start) & (time <= end)
         near = (label > 0) & (np.abs((bearing_deg - bearing + 180) % 360 - 180) < WITHIN_DEG)
         near_any |= near
         first = time[there & near]
-        told["sources"][name] = {
+        facts["sources"][name] = {
             "frames": int(there.sum()),
             "followed": int((there & near).sum()),
             "declared_after_s": float(first[0] - start) if len(first) else None,
         }
-    told["quiet_frames"] = int(within(time, QUIET).sum())
-    told["quiet_frames_with_a_track"] = int((within(time, QUIET) & (label > 0)).sum())
-    told["frames_with_a_track_elsewhere"] = int(((label > 0) & ~near_any).sum())
-    return told
+    facts["quiet_frames"] = int(within(time, QUIET).sum())
+    facts["quiet_frames_with_a_track"] = int((within(time, QUIET) & (label > 0)).sum())
+    facts["frames_with_a_track_elsewhere"] = int(((label > 0) & ~near_any).sum())
+    return facts
 
 
 def main() -> None:
@@ -85,11 +81,11 @@ def main() -> None:
     parser.add_argument("recordings", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
-    recording = read(*options.recordings)
-    whole = track(recording, ARRAY, band=BAND, frame=FRAME)
+    recording = ft.read(*options.recordings, kind="recording")
+    whole = ft.track(recording, array=ARRAY, analysis={"band": BAND, "frame": FRAME})
     rows: list[tuple[float, float, int]] = []
     for number, band in enumerate(BANDS):
-        record = track(recording, ARRAY, band=band, frame=FRAME).record
+        record = ft.track(recording, array=ARRAY, analysis={"band": band, "frame": FRAME}).data.record
         strongest = record.max("beam")
         threshold = float(np.median(strongest.values[within(record.time.values, QUIET)]))
         bearing = record.beam.values[record.argmax("beam").values]
@@ -99,30 +95,27 @@ def main() -> None:
     time, bearing, observer = np.array(rows).T
     zero = np.zeros(len(time))
     columns = {"time_s": time, "bearing_deg": bearing, "observer_x_m": zero, "observer_y_m": zero, "observer": observer}
-    result = track_bearings(from_columns(columns), Scenario.model_validate(SCENARIO))
+    result = ft.track(from_columns(columns), SCENARIO)
     data = result.data.assign_coords(time=result.data.time + time[0])
-    direction = np.degrees(np.arctan2(data.x_mean.values, data.y_mean.values))
-    methods = {
-        "bearings": (data, direction, data.existence.values),
-        "track_before_detect": (whole.data, whole.data.bearing.values, whole.data.existence.values),
-    }
+    direction = np.degrees(np.arctan2(data.x.values, data.y.values))[:, 0]
+    methods = {"bearings": (data, direction), "track_before_detect": (whole.data, whole.data.bearing.values[:, 0])}
     kept = {
         name: {
-            **found(each, degrees),
-            "time": each.time.values.round(1).tolist(),
-            "existence": existence.astype(float).round(4).tolist(),
-            "bearing_deg": np.where(each.label.values > 0, degrees, np.nan).astype(float).round(1).tolist(),
+            **found(result, degrees),
+            "time": result.time.values.round(1).tolist(),
+            "existence": result.existence.values[:, 0].astype(float).round(4).tolist(),
+            "bearing_deg": np.where(result.label.values[:, 0] > 0, degrees, np.nan).astype(float).round(1).tolist(),
         }
-        for name, (each, degrees, existence) in methods.items()
+        for name, (result, degrees) in methods.items()
     }
     heard = {
         "time": data.time.values.round(1).tolist(),
-        "bearing_deg": data.heard.values[..., 0].astype(float).round(1).tolist(),
+        "bearing_deg": data.reported.values[..., 0].astype(float).round(1).tolist(),
         "association": data.association.values[..., 0].astype(float).round(3).tolist(),
     }
-    told = {"bands": BANDS, "scenario": SCENARIO, "heard": heard, **kept}
+    outcome = {"bands": BANDS, "scenario": SCENARIO, "heard": heard, **kept}
     # Not a number has no place in JSON.
-    options.out.write_text(json.dumps(told, indent=None).replace("NaN", "null") + "\n")
+    options.out.write_text(json.dumps(outcome, indent=None).replace("NaN", "null") + "\n", encoding="utf-8")
     for name in methods:
         print(name, {key: value for key, value in kept[name].items() if not isinstance(value, list)})
 

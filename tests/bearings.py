@@ -1,12 +1,13 @@
 """Bearings of a target that crosses among false ones, and of nothing, with the scenario that tracks them."""
 
+import tomllib
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from faintrack.data.bearings import Bearings, from_columns
-from faintrack.scenario import Scenario
+from faintrack.kinds.scenario import Scenario
 
 SCANS, START, APPEARS = 60, 500.0, 15
 """Scans, one a second; time of the first; the scan in which the target is first heard."""
@@ -31,14 +32,12 @@ births = 2000
 """
 
 
-def scenario(**tables: dict[str, Any]) -> Scenario:
-    """The scenario, some fields of its tables replaced."""
-    import tomllib
-
+def scenario(**sections: dict[str, Any]) -> Any:
+    """The scenario, some fields of its sections replaced."""
     content = tomllib.loads(SCENARIO)
-    for name, fields in tables.items():
+    for name, fields in sections.items():
         content[name] = content.get(name, {}) | fields
-    return Scenario.model_validate(content)
+    return Scenario(**content)
 
 
 def target() -> np.ndarray:

@@ -1,5 +1,6 @@
 """Returns of a small active sonar and of a target that crosses what it hears, with the scenario that tracks it."""
 
+import tomllib
 from functools import cache
 from typing import Any
 
@@ -8,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from faintrack.data.returns import Returns, from_columns
-from faintrack.likelihoods.exceedances import ExceedanceLikelihood
-from faintrack.scenario import Scenario
-from faintrack.scenario.build_returns import build_sonar
+from faintrack.kinds.returns.build import build_likelihood, build_sonar
+from faintrack.kinds.scenario import Scenario
 from faintrack.signal.pings import from_pings
 from faintrack.simulation.active import capacity_for, draw_ping
 from faintrack.targets.states import PlanarState
@@ -50,24 +50,20 @@ relaxation = 10_000.0
 """
 
 
-def scenario(**tables: dict[str, Any]) -> Scenario:
-    """The scenario, some fields of its tables replaced."""
-    import tomllib
-
+def scenario(**sections: dict[str, Any]) -> Any:
+    """The scenario, some fields of its sections replaced."""
     content = tomllib.loads(SCENARIO)
-    for name, fields in tables.items():
+    for name, fields in sections.items():
         content[name] = content.get(name, {}) | fields
-    return Scenario.model_validate(content)
+    return Scenario(**content)
 
 
 @cache
 def drawn(present: bool = True, seed: int = 0) -> Returns:
     """Returns of all pings, with the target or without."""
-    table = scenario().sonar
-    assert table is not None
-    sonar = build_sonar(table)
-    snr, threshold = (10 ** (value / 10) for value in (table.snr_db, table.threshold_db))
-    likelihood = ExceedanceLikelihood(sonar, snr, threshold)
+    section = scenario().sonar
+    sonar = build_sonar(section)
+    likelihood = build_likelihood(section, sonar)
     capacity = capacity_for(likelihood)
 
     def one(key: jax.Array, time: float, east: float, north: float) -> Any:

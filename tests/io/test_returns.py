@@ -9,7 +9,7 @@ import xarray as xr
 from faintrack.data.returns import from_columns, to_columns
 from faintrack.errors import InputError
 from faintrack.io import read_returns, write_returns
-from faintrack.scenario.build_returns import build_sonar
+from faintrack.kinds.returns.build import build_sonar
 from faintrack.signal.pings import from_pings, in_bins
 from tests.io.test_bad_input import sentence_about
 from tests.returns import columns, scenario
@@ -69,7 +69,6 @@ def test_zarr_of_xarray_is_read(tmp_path: Path) -> None:
 
 def test_returns_go_to_the_nearest_bin_and_back() -> None:
     table = scenario(sonar={"doppler": [-4.0, 4.0], "doppler_step": 2.0}).sonar
-    assert table is not None
     rng = np.random.default_rng(0)
     pings, each = 3, 40
     flat = np.concatenate([rng.choice(200 * 24 * 5, each, replace=False) for _ in range(pings)])
@@ -100,7 +99,6 @@ def test_pings_without_any_return() -> None:
     nothing = np.full(3, np.nan)
     returns = columns(delay_s=nothing, bearing_deg=nothing, snr_db=nothing)
     table = scenario().sonar
-    assert table is not None
     binned = in_bins(returns, build_sonar(table), 10**0.9)
     assert binned.capacity == 16
     assert not binned.pings(np.arange(3)).there.any()

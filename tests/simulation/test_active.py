@@ -19,6 +19,8 @@ SURPRISE = 1e-5
 """Level of a Kolmogorov-Smirnov test with a fixed key."""
 PLACE = np.array([[0.3, 7.6, 5.2]])
 """In bins: near the first delay, between the last beam and the first, near the last Doppler bin."""
+TWO = np.concatenate([PLACE, [[2.7, 1.2, 4.4]]])
+"""And another whose bins are partly the same."""
 
 
 @eqx.filter_jit
@@ -35,19 +37,22 @@ def drawn(sonar: ActiveSonar, capacity: int | None, present: bool, place: np.nda
     """Stack of pings, how many returns each had no entry for, and the mean power of every bin."""
     likelihood = ExceedanceLikelihood(sonar, SNR, THRESHOLD)
     place = place * [1, 1, sonar.doppler is not None]
-    state = jax.tree.map(lambda each: each[0], states_at(sonar, place))
-    capacity = capacity_for(likelihood) if capacity is None else capacity
+    states = states_at(sonar, place)
+    state = states if len(place) > 1 else jax.tree.map(lambda values: values[0], states)
+    capacity = capacity_for(likelihood, len(place)) if capacity is None else capacity
     pings, lost = draw(jax.random.split(jax.random.key(7), DRAWS), likelihood, capacity, state, jnp.array(present))
-    return jax.tree.map(np.asarray, pings), np.asarray(lost), 1 + SNR * present * responses(sonar, place)[0]
+    return jax.tree.map(np.asarray, pings), np.asarray(lost), 1 + SNR * present * responses(sonar, place).sum(axis=0)
 
 
 @pytest.mark.parametrize("kind", SONARS)
-@pytest.mark.parametrize("present", [False, True], ids=["noise", "target"])
-def test_returns_are_those_of_bins_drawn_one_by_one(kind: str, present: bool) -> None:
+@pytest.mark.parametrize(
+    ("present", "place"), [(False, PLACE), (True, PLACE), (True, TWO)], ids=["noise", "target", "two targets"]
+)
+def test_returns_are_those_of_bins_drawn_one_by_one(kind: str, present: bool, place: np.ndarray) -> None:
     """2,000 pings, 5 standard errors: how often each bin is returned, and mean and variance of how many are, which tell
     that bins are independent; Kolmogorov and Smirnov: their power. None is lost."""
     sonar = SONARS[kind]()
-    pings, lost, mean = drawn(sonar, None, present)
+    pings, lost, mean = drawn(sonar, None, present, place)
     assert not np.any(lost)
     chance = np.exp(-THRESHOLD / mean).ravel()
     flat = np.ravel_multi_index(np.moveaxis(pings.bins, -1, 0), sonar.shape)

@@ -72,6 +72,31 @@ def read_columns(
     return dict(zip(names, map(np.asarray, columns), strict=True)), np.array(lines, np.int64)
 
 
+def column_names(path: Path) -> frozenset[str]:
+    """Names of the columns of a CSV file or a Zarr folder, by which kinds of data are told apart; none of other files.
+
+    Raises
+    ------
+    InputError : the file is damaged, or not text.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "path.csv"
+    ...     _ = path.write_text("time_s, x_m\\n0,5\\n")
+    ...     sorted(column_names(path))
+    ['time_s', 'x_m']
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".zarr":
+        return frozenset(open_zarr(path))
+    if suffix != ".csv":
+        return frozenset()
+    with explained(f"{path} cannot be read as CSV"), path.open(newline="", encoding="utf-8-sig") as file:
+        return frozenset(name.strip() for name in next(csv.reader(file), []))
+
+
 def read_table(
     path: Path, what: str, row: str, require: Callable[[Sequence[str], str], Any]
 ) -> tuple[dict[str, Float[np.ndarray, " row"]], Int[np.ndarray, " row"] | None]:
@@ -111,7 +136,7 @@ def write_table(path: Path, what: str, row: str, columns: Columns) -> None:
     complaint = f"{path} cannot be written"
     with completed(path, complaint) as partial, explained(complaint):
         if suffix == ".csv":
-            with partial.open("w", newline="") as file:
+            with partial.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file)
                 writer.writerow(columns)
                 for each in zip(*columns.values(), strict=True):

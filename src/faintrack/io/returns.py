@@ -65,8 +65,3 @@ def write_returns(path: str | Path, returns: Returns) -> None:
     InputError : the suffix is unknown, or the file cannot be written.
     """
     write_table(Path(path), "returns", "return", to_columns(returns))
-
-
-def holds_returns(path: Path) -> bool:
-    """Whether a path can be nothing else than returns: CSV; Zarr holds samples and frames too."""
-    return path.suffix.lower() == ".csv"

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 KINDS = {
     "recording": "faintrack.kinds.recording",
     "frames": "faintrack.kinds.frames",
+    "returns": "faintrack.kinds.returns",
+    "bearings": "faintrack.kinds.bearings",
 }
 """Name of each kind, and the module whose `KIND` it is."""
 

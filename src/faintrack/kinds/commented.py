@@ -61,13 +61,22 @@ def _fields(model: type[BaseModel], mark: str) -> Iterator[str]:
         yield from _comment(texts.get(name, ""))
         if field.is_required() or field.examples:
             value = _plain((field.examples or ["..."])[0])
-            yield mark + tomli_w.dumps({name: value}).rstrip("\n").replace("\n", " ")
+            yield f"{mark}{name} = {_inline(value)}"
             continue
         value = _plain(field.get_default(call_default_factory=True))
         if value is None or value == [] or isinstance(value, dict):
             yield f"# {name} ="
         else:
-            yield mark + " ".join(tomli_w.dumps({name: value}).split())
+            yield f"{mark}{name} = {_inline(value)}"
+
+
+def _inline(value: Any) -> str:
+    """A value in TOML on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{name} = {_inline(part)}" for name, part in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    return tomli_w.dumps({"value": value}).removeprefix("value = ").strip()
 
 
 def _comment(text: str) -> list[str]:

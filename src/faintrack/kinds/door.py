@@ -237,7 +237,7 @@ def info(*paths: str | Path, kind: str | None = None, scenario: Any = None, **se
     files = " ".join(str(path) for path in paths)
     needed = "" if isinstance(scenario, str | Path) is False else f" --scenario {scenario}"
     if not needed and found.needs:
-        needed = f" {found.needs}"
+        needed = f" {' '.join(found.needs)}"
     return Info(
         found.name, found.describe(data), tuple(getattr(data, "remarks", ())), f"faintrack track {files}{needed}"
     )

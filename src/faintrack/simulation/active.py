@@ -2,7 +2,8 @@ r"""Returns of an active sonar, drawn without drawing the bins that stay quiet.
 
 Bins exceed the threshold independently. Among those that no target reaches the next exceedance is a geometric number of
 bins away, so that a ping costs as many draws as it has returns; the bins around a target are drawn one by one. What
-comes out is distributed exactly as if every bin had been drawn, with the mean powers of `faintrack.sensors.active`.
+comes out is distributed exactly as if every bin had been drawn, with the mean powers of `faintrack.sensors.active`. Of
+several targets the mean powers add: their echoes have no common phase.
 """
 
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
-from faintrack.sensors.active import Ping
+from faintrack.sensors.active import ActiveSonar, Ping
 from faintrack.sensors.bistatic import Bistatic
 
 
@@ -25,7 +26,7 @@ def draw_ping(
     capacity: int,
     time: Float[Array, ""],
     state: Any,
-    present: Bool[Array, ""] | bool,
+    present: Bool[Array, "*target"] | bool,
     pair: Bistatic | None = None,
 ) -> tuple[Ping, Int[Array, ""]]:
     """Returns of one ping.
@@ -36,8 +37,8 @@ def draw_ping(
     likelihood : sonar, SNR and threshold.
     capacity : entries of the ping; see `capacity_for`.
     time : of transmission; seconds.
-    state : of a target; scalars.
-    present : whether it is there.
+    state : of a target, scalars; or of several, all of one shape.
+    present : whether it is there, or each of them.
     pair : source and receiver, where they move.
 
     Returns
@@ -53,22 +54,14 @@ def draw_ping(
     missing = clutter[-1] < sonar.size
     quiet_power = likelihood.threshold + jax.random.exponential(for_power, (capacity + 1,))
 
-    delay, beam, shift = sonar.place(sonar.geometry(ping), state)
-    near, off = [], []
-    for value, reach in zip((delay, beam, shift), sonar.reach, strict=True):
-        number = jnp.floor(value).astype(jnp.int32) + np.arange(-reach, reach + 2)
-        near.append(number)
-        off.append(number - value)
-    bins = jnp.stack(jnp.meshgrid(*near, indexing="ij"), axis=-1).reshape(-1, 3)
-    response = sonar.response(off[0][:, None, None], off[1][None, :, None], off[2][None, None, :]).ravel()
-    bins = bins.at[:, 1].set(bins[:, 1] % sonar.beams)
+    bins, response = _around(sonar, sonar.geometry(ping), state, jnp.asarray(present))
     reached = (response > 0) & ((bins >= 0) & (bins < jnp.array(sonar.shape))).all(axis=1)
-    reached = reached & present & sonar.heard(delay, shift)
     power = (1 + likelihood.snr * response) * jax.random.exponential(for_target, response.shape)
     flat = _flat(bins, sonar.shape)
+    reached = reached & _foremost(jnp.where(reached, flat, sonar.size))
     echo = jnp.where(reached & (power > likelihood.threshold), flat, sonar.size)
 
-    # In the bins that the target reaches its own draws count, not those of the clutter.
+    # In the bins that a target reaches its own draws count, not those of the clutter.
     taken = jnp.where(reached, flat, sonar.size)
     clutter = jnp.where((clutter[:, None] == taken).any(axis=1), sonar.size, clutter)
     every, power = jnp.concatenate([clutter, echo]), jnp.concatenate([quiet_power, power])
@@ -81,15 +74,39 @@ def draw_ping(
     return Ping(time, at, jnp.where(kept, power[chosen], 0), kept, pair), lost
 
 
-def capacity_for(likelihood: ExceedanceLikelihood) -> int:
-    """Entries that a simulated ping fills up in fewer than one of a million: clutter, and the echo of one target."""
+def capacity_for(likelihood: ExceedanceLikelihood, targets: int = 1) -> int:
+    """Entries that a simulated ping fills up in fewer than one of a million: clutter, and the echoes of targets."""
     clutter = likelihood.sonar.size * np.exp(-likelihood.threshold)
     sonar = likelihood.sonar
     around = [np.arange(-reach, reach + 1.0) for reach in sonar.reach]
     response = sonar.tabled(*np.meshgrid(*around, indexing="ij"))
     echo = np.exp(-likelihood.threshold / (1 + float(likelihood.snr) * response)).sum()
-    expected = clutter + echo
+    expected = clutter + targets * echo
     return int(16 * np.ceil((expected + 5 * np.sqrt(expected) + 8) / 16))
+
+
+def _around(
+    sonar: ActiveSonar, pair: Bistatic, state: Any, present: Bool[Array, "*target"]
+) -> tuple[Int[Array, "bin 3"], Float[Array, " bin"]]:
+    """Bins around the places of targets, one target after the other, and the response of all of them in each."""
+    place = jnp.stack([jnp.ravel(value) for value in jnp.broadcast_arrays(*sonar.place(pair, state))], axis=-1)
+    there = jnp.broadcast_to(present, place.shape[:1]) & sonar.heard(place[:, 0], place[:, 2])
+    offsets = np.stack(
+        np.meshgrid(*(np.arange(-reach, reach + 2) for reach in sonar.reach), indexing="ij"), axis=-1
+    ).reshape(-1, 3)
+    bins = (jnp.floor(place).astype(jnp.int32)[:, None] + offsets).reshape(-1, 3)
+    off = bins - place[:, None]
+    beam = off[..., 1] - sonar.beams * jnp.round(off[..., 1] / sonar.beams)
+    response = jnp.where(there[:, None], sonar.response(off[..., 0], beam, off[..., 2]), 0).sum(axis=0)
+    return bins.at[:, 1].set(bins[:, 1] % sonar.beams), response
+
+
+def _foremost(values: Int[Array, " bin"]) -> Bool[Array, " bin"]:
+    """Whether each value is the first of its kind."""
+    order = jnp.argsort(values, stable=True)
+    ascending = values[order]
+    first = jnp.append(True, ascending[1:] != ascending[:-1])[: len(values)]
+    return jnp.zeros(len(values), bool).at[order].set(first)
 
 
 def _clutter(key: PRNGKeyArray, size: int, threshold: float, capacity: int) -> Int[Array, " return"]:

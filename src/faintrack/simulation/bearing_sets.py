@@ -1,4 +1,4 @@
-"""Sets of bearings: the target's, where it is detected, among false ones."""
+"""Sets of bearings: those of targets, where they are detected, among false ones."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ def draw_bearing_set(
     time: Float[Array, ""],
     observer: PlanarState,
     state: Any,
-    present: Bool[Array, ""] | bool,
+    present: Bool[Array, "*target"] | bool,
 ) -> tuple[BearingSet, Int[Array, ""]]:
     """Bearings of one scan.
 
@@ -33,20 +33,20 @@ def draw_bearing_set(
     capacity : entries; enough for the expected number of false bearings and several times its root.
     time : seconds.
     observer : where the sensor is; scalars.
-    state : of a target; scalars.
-    present : whether it is there.
+    state : of a target, scalars; or of several, all of one shape.
+    present : whether it is there, or each of them.
 
     Returns
     -------
     The scan, bearings in ascending order from the start of the sector, and how many found no place in it.
     """
+    true = jnp.ravel(jnp.arctan2(state.y - observer.y, state.x - observer.x))
     # All numbers at once: XLA takes a second to compile each draw.
-    for_gaps, for_rest = jnp.split(jax.random.uniform(key, (capacity + 3,)), [capacity + 1])
-    for_detection, for_error = for_rest
+    numbers = jax.random.uniform(key, (capacity + 1 + 2 * true.size,))
+    for_gaps, for_detection, for_error = jnp.split(numbers, [capacity + 1, capacity + 1 + true.size])
     # Arrivals of a Poisson process along the sector, so that their number is Poisson and their places even.
     places = jnp.cumsum(-jnp.log1p(-for_gaps)) / sensor.false_per_radian
     false = places < sensor.width
-    true = jnp.arctan2(state.y - observer.y, state.x - observer.x)
     detected = present & (sensor.after_start(true) <= sensor.width)
     detected = detected & (for_detection < sensor.detection_probability)
     measured = sensor.after_start(true + sensor.error * jax.scipy.special.ndtri(jnp.maximum(for_error, TINY)))

@@ -1,12 +1,11 @@
-"""From the tables of a scenario to what tracks in sets of bearings: sensor, birth density, filter."""
+"""From the sections of a scenario to what tracks in sets of bearings: sensor, birth density, filter."""
 
 import math
 
 import jax.numpy as jnp
-from faintrack.scenario.bearings import BearingsTable
-from faintrack.scenario.model import Scenario
 
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
+from faintrack.kinds.bearings.sections import BearingsScenario, BearingsSection
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
 from faintrack.sensors.bearing_sets import BearingSensor
 from faintrack.targets.births import RangeBirth
@@ -19,7 +18,7 @@ STEADY = 0.1, 60.0
 """By default acceleration adds up to so much of the largest speed in so many seconds."""
 
 
-def build_sensor(table: BearingsTable) -> BearingSensor:
+def build_sensor(table: BearingsSection) -> BearingSensor:
     """Detector of a scenario; its sector goes anticlockwise from +x."""
     start, width = -180.0, 360.0
     if table.sector_deg is not None:
@@ -34,7 +33,7 @@ def build_sensor(table: BearingsTable) -> BearingSensor:
     )
 
 
-def build_birth(table: BearingsTable) -> RangeBirth | UniformBirth:
+def build_birth(table: BearingsSection) -> RangeBirth | UniformBirth:
     """Where new targets appear: at a range from the observer, or in a region."""
 
     def corner(*values: float) -> PlanarState:
@@ -44,20 +43,29 @@ def build_birth(table: BearingsTable) -> RangeBirth | UniformBirth:
     if table.range is not None:
         sensor = build_sensor(table)
         return RangeBirth(corner(0, 0, 0, 0), *table.range, fast, sensor.start, sensor.width)
-    assert table.x is not None, "the table has a range, or x and y"
-    assert table.y is not None, "the table has a range, or x and y"
+    assert table.x is not None, "the section has a range, or x and y"
+    assert table.y is not None, "the section has a range, or x and y"
     return UniformBirth(corner(table.x[0], table.y[0], -fast, -fast), corner(table.x[1], table.y[1], fast, fast))
 
 
-def build_bearings_tracker(scenario: Scenario) -> SingleTargetTracker:
+def velocity_noise(scenario: BearingsScenario) -> float:
+    """Density of the acceleration of targets, that of the scenario or its default; m/s per root second."""
+    share, seconds = STEADY
+    noise = scenario.target.velocity_noise
+    return share * scenario.bearings.speed / math.sqrt(seconds) if noise is None else noise
+
+
+def chosen(scenario: BearingsScenario) -> BearingsScenario:
+    """Scenario with what was chosen filled in."""
+    target = scenario.target.model_copy(update={"velocity_noise": velocity_noise(scenario)})
+    return scenario.model_copy(update={"target": target})
+
+
+def build_tracker(scenario: BearingsScenario) -> SingleTargetTracker:
     """Tracker of a scenario for sets of bearings."""
     table, known = scenario.bearings, scenario.target
-    assert table is not None, "bearings are tracked with a table of them"
-    noise = known.velocity_noise
-    if noise is None:
-        share, seconds = STEADY
-        noise = share * table.speed / math.sqrt(seconds)
-    target = Target(build_birth(table), PlanarMotion(noise), known.arrival_rate, known.departure_rate)
+    motion = PlanarMotion(velocity_noise(scenario))
+    target = Target(build_birth(table), motion, known.arrival_rate, known.departure_rate)
     return SingleTargetTracker(
         BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births),
         ObserversLikelihood(BearingSetLikelihood(build_sensor(table))),

@@ -1,13 +1,17 @@
-"""Table of a scenario for sets of bearings: what the detector reports, and where new targets are looked for."""
+"""Sections of a scenario for sets of bearings: what the detector reports, and where new targets are looked for."""
 
-from typing import Annotated
+import itertools
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from faintrack.scenario.array import Pair, Table
+from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.moving import PlanarTargets
+from faintrack.scenario.section import Pair, Section
+from faintrack.scenario.sections import ParticlesSection, TargetSection, TrackerSection
 
 
-class BearingsTable(Table):
+class BearingsSection(Section):
     """Sets of bearings that are tracked in; see `faintrack.sensors.bearing_sets`.
 
     Attributes
@@ -22,18 +26,18 @@ class BearingsTable(Table):
     capacity : room for so many bearings of an observer in a scan.
     """
 
-    error_deg: float = Field(gt=0, le=90)
-    detection_probability: float = Field(gt=0, le=1)
-    false_per_scan: float = Field(gt=0, le=1000)
+    error_deg: float = Field(gt=0, le=90, examples=[1.0])
+    detection_probability: float = Field(gt=0, le=1, examples=[0.9])
+    false_per_scan: float = Field(gt=0, le=1000, examples=[3.0])
     sector_deg: Pair | None = None
-    range: Pair | None = None
+    range: Pair | None = Field(default=None, examples=[(200.0, 3000.0)])
     x: Pair | None = None
     y: Pair | None = None
-    speed: float = Field(gt=0)
+    speed: float = Field(gt=0, examples=[15.0])
     capacity: Annotated[int, Field(ge=1, le=1000)] = 32
 
     @model_validator(mode="after")
-    def _births(self) -> "BearingsTable":
+    def _births(self) -> "BearingsSection":
         if (self.x is None) != (self.y is None) or (self.range is None) == (self.x is None):
             raise ValueError("where new targets are: expected either range, or x and y")
         for name in ("range", "x", "y"):
@@ -45,7 +49,7 @@ class BearingsTable(Table):
         return self
 
     @model_validator(mode="after")
-    def _sector(self) -> "BearingsTable":
+    def _sector(self) -> "BearingsSection":
         if self.sector_deg is not None:
             first, last = self.sector_deg
             if not (-360 <= first <= 360 and -360 <= last <= 360) or (last - first) % 360 == 0:
@@ -53,3 +57,80 @@ class BearingsTable(Table):
                     f"sector_deg goes from {first:g} to {last:g} degrees: expected two different bearings, -360 to 360"
                 )
         return self
+
+
+class ContactSection(TargetSection):
+    """What is known of targets before any scan.
+
+    Attributes
+    ----------
+    arrival_rate : of an absent target; per second.
+    departure_rate : of a present target; per second.
+    velocity_noise : density of the acceleration along each axis; m/s per root second. Where not given, it adds up to a
+        tenth of `bearings.speed` in a minute.
+    """
+
+    velocity_noise: float | None = Field(default=None, ge=0)
+
+
+class ObserverSection(Section):
+    """An observer of a simulation.
+
+    Attributes
+    ----------
+    path : time in s, east and north in m of the points that it passes, in straight lines; before the first and after
+        the last it stands still.
+    """
+
+    path: Annotated[
+        tuple[Annotated[tuple[float, float, float], Field(strict=False)], ...], Field(strict=False, min_length=1)
+    ]
+
+    @model_validator(mode="after")
+    def _ascending(self) -> "ObserverSection":
+        for (first, *_), (second, *_) in itertools.pairwise(self.path):
+            if not first < second:
+                raise ValueError(f"path has a point at {second:g} s after one at {first:g} s: expected ascending times")
+        return self
+
+
+class SimulationSection(Section):
+    """Bearings to draw, as `[bearings]` says that they are reported.
+
+    Attributes
+    ----------
+    scans : number of them.
+    interval : from scan to scan; s.
+    seed : of the random numbers.
+    observers : that report in every scan.
+    targets : that they detect.
+    """
+
+    scans: int = Field(ge=1, le=1_000_000, examples=[60])
+    interval: float = Field(default=1.0, gt=0)
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    observers: Annotated[tuple[ObserverSection, ...], Field(strict=False, min_length=1, max_length=64)] = Field(
+        examples=[[{"path": [[0.0, 0.0, 0.0], [60.0, 600.0, 0.0]]}]]
+    )
+    targets: PlanarTargets = Field(default=(), examples=[[{"x": 900.0, "y": 700.0, "vx": -8.0, "vy": 4.0}]])
+
+
+class BearingsScenario(Scenario):
+    """What to run with sets of bearings."""
+
+    kind: Literal["bearings"] = "bearings"
+    bearings: BearingsSection
+    target: ContactSection = ContactSection()
+    filter: ParticlesSection = ParticlesSection()
+    tracker: TrackerSection = TrackerSection()
+    simulation: SimulationSection | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _whole(cls, values: Any) -> Any:
+        if values.get("bearings") is None:
+            raise ValueError(
+                "there is no [bearings]: expected it with what the detector reports and where new targets are "
+                "(--scenario FILE)"
+            )
+        return values

@@ -1,11 +1,9 @@
-"""From the tables of a scenario to what tracks in the returns of a sonar: bins, likelihood, grid, tracker."""
+"""From the sections of a scenario to what tracks in the returns of a sonar: bins, likelihood, grid, tracker."""
 
 import math
 
 import jax.numpy as jnp
 import numpy as np
-from faintrack.scenario.model import Scenario
-from faintrack.scenario.sonar import GridTable, SonarTable
 
 from faintrack.beliefs.axis import Axis, between
 from faintrack.beliefs.grids import Grid
@@ -13,6 +11,7 @@ from faintrack.data.returns import PLATFORMS, Returns
 from faintrack.errors import InputError
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import POINTS, separable
+from faintrack.kinds.returns.sections import GridSection, ReturnsScenario, SonarSection
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.sensors.active import ActiveSonar, Pulse
@@ -65,7 +64,7 @@ def ping_interval(returns: Returns) -> float:
     return interval
 
 
-def build_grid(scenario: Scenario) -> Grid:
+def build_grid(scenario: ReturnsScenario) -> Grid:
     """Grid of a scenario.
 
     Raises
@@ -73,7 +72,6 @@ def build_grid(scenario: Scenario) -> Grid:
     InputError : too many cells.
     """
     table = scenario.grid
-    assert table is not None, "returns are tracked with a table of the grid"
     speed = between(-table.speed, table.speed, table.speeds)
     x, y = (between(*ends, count) for ends, count in zip((table.x, table.y), table.cells, strict=True))
     grid = Grid(PlanarState, (("x", x), ("y", y), ("vx", speed), ("vy", speed)))
@@ -85,7 +83,7 @@ def build_grid(scenario: Scenario) -> Grid:
     return grid
 
 
-def build_sonar(table: SonarTable) -> ActiveSonar:
+def build_sonar(table: SonarSection) -> ActiveSonar:
     """Sonar of a scenario, with source and receiver if it says of both where they stand."""
     delay, doppler = sonar_axes(table)
     pair = None
@@ -102,7 +100,13 @@ def build_sonar(table: SonarTable) -> ActiveSonar:
     )
 
 
-def build_moving(table: SonarTable, returns: Returns) -> Bistatic | None:
+def build_likelihood(table: SonarSection, sonar: ActiveSonar) -> ExceedanceLikelihood:
+    """What returns of a sonar say of a target, which their simulation draws from as well."""
+    threshold, snr = (10 ** (value / 10) for value in (table.threshold_db, table.snr_db))
+    return ExceedanceLikelihood(sonar, snr, threshold)
+
+
+def build_moving(table: SonarSection, returns: Returns) -> Bistatic | None:
     """Source and receiver in every ping; None where both stand still.
 
     Raises
@@ -123,20 +127,20 @@ def build_moving(table: SonarTable, returns: Returns) -> Bistatic | None:
     return Bistatic(**placed, sound_speed=table.sound_speed) if moves else None
 
 
-def sonar_axes(table: SonarTable) -> tuple[Axis, Axis | None]:
+def sonar_axes(table: SonarSection) -> tuple[Axis, Axis | None]:
     """Bins of delay and, where it is measured, of Doppler."""
     doppler = None if table.doppler is None else _axis(table.doppler, table.doppler_bins, table.doppler_step)
     return _axis(table.delay, table.delay_bins, table.delay_step), doppler
 
 
-def expected_returns(table: SonarTable) -> float:
+def expected_returns(table: SonarSection) -> float:
     """Number of returns of a ping without a target, on average."""
     delay, doppler = sonar_axes(table)
     size = delay.count * table.beams * (1 if doppler is None else doppler.count)
     return size * math.exp(-(10 ** (table.threshold_db / 10)))
 
 
-def _around(bins: tuple[int, int, int], table: SonarTable) -> tuple[int, int, int]:
+def _around(bins: tuple[int, int, int], table: SonarSection) -> tuple[int, int, int]:
     """Bins on either side, in bearing no more than there are."""
     return bins[0], min(bins[1], (table.beams - 1) // 2), bins[2]
 
@@ -149,7 +153,19 @@ def _axis(ends: tuple[float, float], bins: int | None, step: float | None) -> Ax
     return Axis(first, step, round((last - first) / step) + 1)
 
 
-def build_binned(scenario: Scenario, returns: Returns) -> Binned:
+def velocity_noise(scenario: ReturnsScenario) -> float:
+    """Density of the acceleration of targets, that of the scenario or its default; m/s per root second."""
+    noise, relaxation = scenario.target.velocity_noise, scenario.target.relaxation
+    return VELOCITY_SHARE * scenario.grid.speed * math.sqrt(2 / relaxation) if noise is None else noise
+
+
+def chosen(scenario: ReturnsScenario) -> ReturnsScenario:
+    """Scenario with what was chosen filled in."""
+    target = scenario.target.model_copy(update={"velocity_noise": velocity_noise(scenario)})
+    return scenario.model_copy(update={"target": target})
+
+
+def build_binned(scenario: ReturnsScenario, returns: Returns) -> Binned:
     """Returns in the bins of a scenario's sonar.
 
     Raises
@@ -158,12 +174,11 @@ def build_binned(scenario: Scenario, returns: Returns) -> Binned:
         nowhere.
     """
     table = scenario.sonar
-    assert table is not None, "returns are tracked with a table of the sonar"
     moving = build_moving(table, returns)
     return in_bins(returns, build_sonar(table), 10 ** (table.threshold_db / 10), moving)
 
 
-def build_returns_tracker(scenario: Scenario, binned: Binned, grid: Grid) -> SingleTargetTracker:
+def build_tracker(scenario: ReturnsScenario, binned: Binned, grid: Grid) -> SingleTargetTracker:
     """Tracker of a scenario for the returns of a sonar.
 
     Raises
@@ -172,20 +187,11 @@ def build_returns_tracker(scenario: Scenario, binned: Binned, grid: Grid) -> Sin
         two pings.
     """
     sonar_table, grid_table, target_table = scenario.sonar, scenario.grid, scenario.target
-    assert sonar_table is not None, "returns are tracked with a table of the sonar"
-    assert grid_table is not None, "and with one of the grid"
-    interval = ping_interval(binned.returns)
-    noise = target_table.velocity_noise
-    if noise is None:
-        noise = VELOCITY_SHARE * grid_table.speed * math.sqrt(2 / target_table.relaxation)
+    interval, noise = ping_interval(binned.returns), velocity_noise(scenario)
     _require_room(sonar_table, binned)
     _require_slow(grid_table, noise, interval)
-    threshold, snr = (10 ** (value / 10) for value in (sonar_table.threshold_db, sonar_table.snr_db))
     likelihood = Guided(
-        ExceedanceLikelihood(binned.sonar, snr, threshold),
-        grid,
-        _around(sonar_table.swath, sonar_table),
-        sonar_table.finer,
+        build_likelihood(sonar_table, binned.sonar), grid, _around(sonar_table.swath, sonar_table), sonar_table.finer
     )
     motion = OrnsteinUhlenbeck(noise, target_table.relaxation)
     low, high = (
@@ -196,7 +202,7 @@ def build_returns_tracker(scenario: Scenario, binned: Binned, grid: Grid) -> Sin
     return SingleTargetTracker(carried, likelihood, scenario.tracker.declare, scenario.tracker.drop)
 
 
-def _require_room(table: SonarTable, binned: Binned) -> None:
+def _require_room(table: SonarSection, binned: Binned) -> None:
     """Refuse pings and swaths that no memory holds."""
     axes = 2 if table.doppler is None else 3
     swath = list(zip(_around(table.reach, table), _around(table.swath, table), table.finer, strict=True))[:axes]
@@ -214,7 +220,7 @@ def _require_room(table: SonarTable, binned: Binned) -> None:
         )
 
 
-def _require_slow(table: GridTable, noise: float, interval: float) -> None:
+def _require_slow(table: GridSection, noise: float, interval: float) -> None:
     """Refuse targets that pass the grid between two pings, and motion that no memory holds."""
     # Six standard deviations of what acceleration adds.
     way = table.speed * interval + 3.5 * noise * interval**1.5

@@ -2,17 +2,16 @@
 
 import numpy as np
 import xarray as xr
-from faintrack.plots.bearing import GREY, LINE, TRACK, draw_existence, each_track
-from faintrack.plots.frames import ends
-from faintrack.scenario.build_returns import expected_returns, sonar_axes
-from faintrack.scenario.sonar import SonarTable
 from jax import numpy as jnp
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from faintrack.kinds.returns.build import expected_returns, sonar_axes
+from faintrack.results.pictures import GREY, LINE, TRACK, draw_existence, ends
 from faintrack.results.result import Result
+from faintrack.results.track import tracks_of
 from faintrack.sensors.bistatic import Bistatic, fixed
 
 ACROSS = 4
@@ -24,7 +23,7 @@ FAINTEST = 1e-6, 1e-3
 KM = 1e-3
 
 
-def draw_returns(result: Result) -> Figure:
+def draw(result: Result) -> Figure:
     """Figure of a result of returns: maps of position and velocity after some pings, existence, number of returns.
 
     Returns
@@ -33,7 +32,7 @@ def draw_returns(result: Result) -> Figure:
     """
     data = result.data
     bands = -(-data.sizes["snapshot"] // ACROSS)
-    shape = [float(np.ptp(ends(data[name].values))) for name in ("x", "y")]
+    shape = [float(np.ptp(ends(data[name].values))) for name in ("axis_x", "axis_y")]
     heights = [min(2.6 * shape[1] / shape[0], 5.0), 1.6] * bands + [1.5, 1.2]
     figure = Figure(figsize=(11, sum(heights) + 1.2), layout="constrained")
     rows = figure.add_gridspec(len(heights), ACROSS, height_ratios=heights)
@@ -56,7 +55,7 @@ def draw_returns(result: Result) -> Figure:
     figure.legend(handles=_legend(), loc="outside upper center", ncols=6, fontsize=8, frameon=False)
     existence = figure.add_subplot(rows[-2, :])
     returns = figure.add_subplot(rows[-1, :], sharex=existence)
-    draw_existence(existence, result)
+    draw_existence(existence, data, result.scenario.tracker.declare, result.scenario.tracker.drop)
     existence.plot(data.snapshot, np.full(data.sizes["snapshot"], -0.02), "^", color=GREY, markersize=5, clip_on=False)
     draw_counts(returns, result)
     returns.set_xlabel("time from the first ping (s); the triangles mark the maps")
@@ -68,9 +67,9 @@ def draw_map(axes: Axes, result: Result, number: int) -> None:
     data = result.data
     shot = data.isel(snapshot=number)
     time = float(shot.snapshot)
-    now = data.isel(time=int(np.argmin(np.abs(data.time.values - time))))
+    now = data.isel(time=int(np.argmin(np.abs(data.time.values - time))), slot=0)
     chance = float(now.existence) * np.exp(shot.position.values.T.astype(float))
-    x, y = (ends(KM * data[name].values) for name in ("x", "y"))
+    x, y = (ends(KM * data[name].values) for name in ("axis_x", "axis_y"))
     axes.imshow(
         np.maximum(chance, FAINTEST[0]),
         origin="lower",
@@ -79,15 +78,15 @@ def draw_map(axes: Axes, result: Result, number: int) -> None:
         norm=LogNorm(FAINTEST[0], 1),
         interpolation="nearest",
     )
-    for delay, style in zip(_heard(result), ("-", "--"), strict=True):
+    for delay, style in zip(_limits(result), ("-", "--"), strict=True):
         axes.plot(*_ellipse(result, now, delay), style, color="white", linewidth=0.8)
     for platform, marker in (("source", "^"), ("receiver", "s")):
         place = KM * float(now[f"{platform}_x"]), KM * float(now[f"{platform}_y"])
         axes.plot(*place, marker, color="white", markeredgecolor="black", markersize=5, linestyle="none")
-    for label, mine in each_track(data.sel(time=data.time <= time)):
-        axes.plot(KM * mine.x_mean, KM * mine.y_mean, color=TRACK, linewidth=1.2)
-        if label == int(now.label):
-            axes.plot(KM * now.x_mean, KM * now.y_mean, "o", markersize=11, markerfacecolor="none", color=TRACK)
+    for track in tracks_of(data.sel(time=data.time <= time)):
+        axes.plot(KM * track.mean["x"], KM * track.mean["y"], color=TRACK, linewidth=1.2)
+        if track.label == int(now.label):
+            axes.plot(KM * now.x, KM * now.y, "o", markersize=11, markerfacecolor="none", color=TRACK)
     axes.set_xlim(x)
     axes.set_ylim(y)
     axes.set_title(f"{time:.5g} s, existence {float(now.existence):.3f}", fontsize=9, pad=3)
@@ -98,16 +97,16 @@ def draw_map(axes: Axes, result: Result, number: int) -> None:
 def draw_velocity(axes: Axes, data: xr.Dataset, number: int) -> None:
     """What is believed of the velocity after a ping, if there is a target; the mean as a cross."""
     shot = data.isel(snapshot=number)
-    now = data.sel(time=float(shot.snapshot), method="nearest")
+    now = data.sel(time=float(shot.snapshot), method="nearest").isel(slot=0)
     axes.imshow(
         np.maximum(np.exp(shot.velocity.values.T.astype(float)), FAINTEST[1]),
         origin="lower",
-        extent=(*ends(data.vx.values), *ends(data.vy.values)),
+        extent=(*ends(data.axis_vx.values), *ends(data.axis_vy.values)),
         cmap="cividis",
         norm=LogNorm(FAINTEST[1], 1),
         interpolation="nearest",
     )
-    axes.plot(now.vx_mean, now.vy_mean, "+", color=TRACK, markersize=8, markeredgewidth=1.6)
+    axes.plot(now.vx, now.vy, "+", color=TRACK, markersize=8, markeredgewidth=1.6)
     axes.set_xlabel("to the east (m/s)", fontsize=8, labelpad=1)
     axes.tick_params(labelsize=7)
 
@@ -116,10 +115,11 @@ def draw_counts(axes: Axes, result: Result) -> None:
     """Number of returns of every ping, and how many noise alone gives on average."""
     data = result.data
     axes.plot(data.time, data.returns, color=LINE, linewidth=1.0, drawstyle="steps-mid")
-    expected = expected_returns(_sonar(result))
+    expected = expected_returns(result.scenario.sonar)
     axes.axhline(expected, color=GREY, linestyle="--", linewidth=0.8)
-    told = f"dashed: {expected:.3g} expected of noise alone"
-    axes.text(0.005, 0.87, told, transform=axes.transAxes, fontsize=8, color=GREY)
+    axes.text(
+        0.005, 0.87, f"dashed: {expected:.3g} expected of noise alone", transform=axes.transAxes, fontsize=8, color=GREY
+    )
     axes.set_ylim(0, 1.3 * max(expected, float(data.returns.max()), 1))
     axes.set_ylabel("returns")
     axes.grid(alpha=0.3)
@@ -139,21 +139,15 @@ def _legend() -> list[Line2D]:
     ]
 
 
-def _sonar(result: Result) -> SonarTable:
-    table = result.scenario.sonar
-    assert table is not None, "returns have a sonar"
-    return table
-
-
-def _heard(result: Result) -> tuple[float, float]:
+def _limits(result: Result) -> tuple[float, float]:
     """Delays at which the sonar begins and ceases to hear; s."""
-    delay, _ = sonar_axes(_sonar(result))
+    delay, _ = sonar_axes(result.scenario.sonar)
     return float(delay.edges[0]), float(delay.edges[-1])
 
 
 def _ellipse(result: Result, now: xr.Dataset, delay: float) -> tuple[np.ndarray, np.ndarray]:
     """Places in km whose echoes arrive after a delay, during one ping."""
     source, receiver = (fixed(float(now[f"{name}_x"]), float(now[f"{name}_y"])) for name in ("source", "receiver"))
-    pair = Bistatic(source, receiver, _sonar(result).sound_speed)
+    pair = Bistatic(source, receiver, result.scenario.sonar.sound_speed)
     x, y = pair.position(jnp.asarray(delay), jnp.linspace(0, 2 * jnp.pi, 361))
     return KM * np.asarray(x), KM * np.asarray(y)

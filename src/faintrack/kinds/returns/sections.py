@@ -1,14 +1,17 @@
-"""Tables of a scenario for the returns of an active sonar: its bins and responses, and the grid that is searched."""
+"""Sections of a scenario for the returns of an active sonar: its bins and responses, and the grid that is searched."""
 
 import math
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from faintrack.scenario.array import Pair, Table
+from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.moving import PlanarTargets
+from faintrack.scenario.section import Pair, Section
+from faintrack.scenario.sections import SeedSection, TargetSection, TrackerSection
 
 
-class PulseTable(Table):
+class PulseSection(Section):
     """What an active sonar transmits; see `faintrack.sensors.active.Pulse`.
 
     Attributes
@@ -45,7 +48,7 @@ Finer = Annotated[
 """Bins or points along delay, bearing and Doppler; their tables grow with the product of all."""
 
 
-class SonarTable(Table):
+class SonarSection(Section):
     """An active sonar whose returns are tracked; see `faintrack.sensors.active` and `faintrack.likelihoods.guided`.
 
     Attributes
@@ -66,26 +69,26 @@ class SonarTable(Table):
     finer : samples a bin.
     """
 
-    pulse: PulseTable
-    delay: Pair
+    pulse: PulseSection = Field(examples=[{"frequency": 2000.0, "duration": 1.0, "bandwidth": 10.0}])
+    delay: Pair = Field(examples=[(3.0, 22.9)])
     delay_bins: Bins | None = None
-    delay_step: float | None = Field(default=None, gt=0)
-    beams: int = Field(ge=3, le=7200)
-    beam_width_deg: float = Field(gt=0, le=180)
+    delay_step: float | None = Field(default=None, gt=0, examples=[0.1])
+    beams: int = Field(ge=3, le=7200, examples=[24])
+    beam_width_deg: float = Field(gt=0, le=180, examples=[6.0])
     doppler: Pair | None = None
     doppler_bins: Bins | None = None
     doppler_step: float | None = Field(default=None, gt=0)
-    source: Pair | None = None
-    receiver: Pair | None = None
+    source: Pair | None = Field(default=None, examples=[(0.0, 0.0)])
+    receiver: Pair | None = Field(default=None, examples=[(500.0, 1000.0)])
     sound_speed: float = Field(default=1500.0, gt=0)
-    threshold_db: float = Field(gt=0, le=60)
-    snr_db: float = Field(ge=-40, le=80)
+    threshold_db: float = Field(gt=0, le=60, examples=[9.0])
+    snr_db: float = Field(ge=-40, le=80, examples=[12.0])
     reach: Reach = (10, 6, 6)
     swath: Reach = (5, 3, 3)
     finer: Finer = (1, 4, 1)
 
     @model_validator(mode="after")
-    def _bins_fit(self) -> "SonarTable":
+    def _bins_fit(self) -> "SonarSection":
         if self.delay[0] < 0:
             raise ValueError(f"delay begins at {self.delay[0]:g} s: expected at least 0")
         _require_bins("delay", self.delay, self.delay_bins, self.delay_step)
@@ -112,7 +115,7 @@ def _require_bins(name: str, ends: Pair | None, bins: int | None, step: float | 
             raise ValueError(f"{name}_step is {step:g}: expected to fit a whole number of times, not {steps:.6g}")
 
 
-class GridTable(Table):
+class GridSection(Section):
     """Cells over which a target is looked for.
 
     Attributes
@@ -123,17 +126,74 @@ class GridTable(Table):
     speeds : number of cells along each axis of the velocity, from -`speed` to `speed`.
     """
 
-    x: Pair
-    y: Pair
+    x: Pair = Field(examples=[(-15e3, 15e3)])
+    y: Pair = Field(examples=[(-15e3, 15e3)])
     cells: Annotated[
         tuple[Annotated[int, Field(ge=2, le=10_000)], Annotated[int, Field(ge=2, le=10_000)]], Field(strict=False)
-    ]
-    speed: float = Field(gt=0)
+    ] = Field(examples=[(12, 12)])
+    speed: float = Field(gt=0, examples=[9.0])
     speeds: int = Field(default=7, ge=1, le=99)
 
     @model_validator(mode="after")
-    def _ordered(self) -> "GridTable":
+    def _ordered(self) -> "GridSection":
         for name, (low, high) in (("x", self.x), ("y", self.y)):
             if not low < high:
                 raise ValueError(f"{name} goes from {low:g} to {high:g} m: expected the lower end first")
         return self
+
+
+class ShipSection(TargetSection):
+    """What is known of targets before any ping.
+
+    Attributes
+    ----------
+    arrival_rate : of an absent target; per second.
+    departure_rate : of a present target; per second.
+    velocity_noise : density of the acceleration along each axis; m/s per root second. In the long run it spreads each
+        component of the velocity by `velocity_noise` times the root of half the relaxation; where not given, by 0.4
+        `grid.speed`.
+    relaxation : time in which a velocity decays to 1/e; s.
+    """
+
+    velocity_noise: float | None = Field(default=None, ge=0)
+    relaxation: float = Field(default=36_000.0, gt=0)
+
+
+class SimulationSection(Section):
+    """Returns to draw; source and receiver stand where the sonar has them.
+
+    Attributes
+    ----------
+    pings : number of them.
+    interval : from ping to ping; s.
+    seed : of the random numbers.
+    targets : that echo with `sonar.snr_db`.
+    """
+
+    pings: int = Field(ge=2, le=1_000_000, examples=[30])
+    interval: float = Field(gt=0, examples=[120.0])
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    targets: PlanarTargets = Field(default=(), examples=[[{"x": -9000.0, "y": 6000.0, "vx": 6.0, "vy": -3.0}]])
+
+
+class ReturnsScenario(Scenario):
+    """What to run with the returns of an active sonar."""
+
+    kind: Literal["returns"] = "returns"
+    sonar: SonarSection
+    grid: GridSection
+    target: ShipSection = ShipSection()
+    filter: SeedSection = SeedSection()
+    tracker: TrackerSection = TrackerSection()
+    simulation: SimulationSection | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _whole(cls, values: Any) -> Any:
+        lacking = [name for name in ("sonar", "grid") if values.get(name) is None]
+        if lacking:
+            raise ValueError(
+                f"there is no [{lacking[0]}]: expected [sonar] with what transmits and listens, and [grid] with where "
+                "to look (--scenario FILE)"
+            )
+        return values

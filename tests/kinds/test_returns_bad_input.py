@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_bad_input import refuse
+from tests.kinds.refusing import refuse
 from tests.returns import SCENARIO
 
 RETURNS = "time_s,delay_s,bearing_deg,snr_db\n0,8,90,12\n120,8,90,12\n"
@@ -13,13 +13,13 @@ RETURNS = "time_s,delay_s,bearing_deg,snr_db\n0,8,90,12\n120,8,90,12\n"
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Folder with good returns and a good scenario."""
-    (tmp_path / "returns.csv").write_text(RETURNS)
-    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    (tmp_path / "returns.csv").write_text(RETURNS, encoding="utf-8")
+    (tmp_path / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
     return tmp_path
 
 
-def refuse_returns(folder: Path, *options: object, names: tuple[str, ...]) -> None:
-    refuse(folder, "track", folder / "returns.csv", "--scenario", folder / "scenario.toml", *options, names=names)
+def refuse_returns(folder: Path, names: tuple[str, ...]) -> None:
+    refuse(folder, folder / "returns.csv", folder / "scenario.toml", names)
 
 
 @pytest.mark.parametrize(
@@ -62,24 +62,30 @@ def refuse_returns(folder: Path, *options: object, names: tuple[str, ...]) -> No
         ("speed = 9.0", "speed = 0.0", ("grid.speed is 0.0",)),
         ("speeds = 3", "speeds = 0", ("grid.speeds is 0",)),
         ("relaxation = 10_000.0", "relaxation = 0.0", ("target.relaxation is 0.0",)),
-        ("relaxation = 10_000.0", "speed = 9.0", ("target.speed", "grid.speed")),
-        ("[grid]", "[frames]\n[grid]", ("[sonar] and [frames]",)),
-        ("[grid]", "[array]\nline = {count = 4, spacing = 0.5}\n[grid]", ("[sonar] and [array]",)),
-        ("[grid]", '[filter]\nkind = "particles"\n[grid]', ("filter.kind", "particles", "[sonar]")),
-        ("[grid]", '[tracker]\nmethod = "cfar"\n[grid]', ("cfar", "[sonar]")),
+        ("relaxation = 10_000.0", "speed = 9.0", ("no field target.speed",)),
+        ("[grid]", "[frames]\n[grid]", ("[sonar] is of returns", "[frames] of frames")),
+        ("[grid]", "[array]\nline = {count = 4, spacing = 0.5}\n[grid]", ("[sonar] is of returns", "[array]")),
+        ("[grid]", '[filter]\nkind = "particles"\n[grid]', ("no field filter.kind", "seed")),
+        ("[grid]", '[tracker]\nmethod = "cfar"\n[grid]', ("no field tracker.method",)),
+        ("[grid]", "[simulation]\npings = 1\n[grid]", ("simulation.pings is 1",)),
+        (
+            "[grid]",
+            "[simulation]\npings = 9\ninterval = 120.0\ntargets = [{x = 0, y = 0, start = 9, end = 9}]\n[grid]",
+            ("simulation.targets[0]", "end is 9 s", "more than start"),
+        ),
     ],
 )
 def test_scenario_that_is_wrong(folder: Path, old: str, new: str, names: tuple[str, ...]) -> None:
     assert old in SCENARIO
-    (folder / "scenario.toml").write_text(SCENARIO.replace(old, new))
-    refuse_returns(folder, names=names if "returns.csv" in names else ("scenario.toml", *names))
+    (folder / "scenario.toml").write_text(SCENARIO.replace(old, new), encoding="utf-8")
+    refuse_returns(folder, names if "returns.csv" in names else ("scenario.toml", *names))
 
 
 @pytest.mark.parametrize("lacks", ["sonar", "grid"])
-def test_scenario_with_half_of_its_tables(folder: Path, lacks: str) -> None:
+def test_scenario_with_half_of_its_sections(folder: Path, lacks: str) -> None:
     head, tail = SCENARIO.split("[grid]")
-    (folder / "scenario.toml").write_text(head if lacks == "grid" else f"[grid]{tail}")
-    refuse_returns(folder, names=("scenario.toml", f"no [{lacks}]", "expected both"))
+    (folder / "scenario.toml").write_text(head if lacks == "grid" else f"[grid]{tail}", encoding="utf-8")
+    refuse_returns(folder, ("scenario.toml", f"no [{lacks}]", "expected [sonar]", "and [grid]"))
 
 
 @pytest.mark.parametrize(
@@ -93,18 +99,18 @@ def test_scenario_with_half_of_its_tables(folder: Path, lacks: str) -> None:
     ],
 )
 def test_returns_that_are_wrong(folder: Path, rows: str, names: tuple[str, ...]) -> None:
-    (folder / "returns.csv").write_text(RETURNS + rows)
-    refuse_returns(folder, names=("returns.csv", *names))
+    (folder / "returns.csv").write_text(RETURNS + rows, encoding="utf-8")
+    refuse_returns(folder, ("returns.csv", *names))
 
 
 def test_returns_without_what_they_need(folder: Path) -> None:
-    path = folder / "returns.csv"
-    refuse(folder, "track", path, names=("returns.csv", "--scenario", "[sonar]"))
-    refuse(folder, "track", path, path, "--scenario", folder / "scenario.toml", names=("2 files", "one file"))
-    refuse_returns(folder, "--band", 100, 200, names=("scenario.toml has [sonar]", "--band"))
-    (folder / "night.wav").write_text("not returns")
-    refuse(
-        folder,
-        *("track", folder / "night.wav", "--scenario", folder / "scenario.toml"),
-        names=("night.wav", "expected .csv or .zarr"),
-    )
+    path, scenario = folder / "returns.csv", folder / "scenario.toml"
+    refuse(folder, path, None, ("returns.csv", "--scenario", "[sonar]"))
+    refuse(folder, [path, path], scenario, ("2 files", "one file"))
+    (folder / "night.wav").write_text("not returns", encoding="utf-8")
+    refuse(folder, folder / "night.wav", scenario, ("night.wav", "expected .csv or .zarr"))
+    path.write_text("time_s,delay,bearing\n0,8,90\n", encoding="utf-8")
+    refuse(folder, path, None, ("returns.csv", "not told by its name", "returns", "--kind"))
+    refuse(folder, path, scenario, ("returns.csv", "column 'delay'"))
+    path.write_bytes(b"\xff\xfe\x00")
+    refuse(folder, path, None, ("returns.csv cannot be read as CSV",))

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.bearings import SCENARIO
-from tests.cli.test_bad_input import refuse
+from tests.kinds.refusing import refuse
 
 BEARINGS = "time_s,bearing_deg,observer_x_m,observer_y_m\n0,90,0,0\n1,90,10,0\n"
 
@@ -13,13 +13,13 @@ BEARINGS = "time_s,bearing_deg,observer_x_m,observer_y_m\n0,90,0,0\n1,90,10,0\n"
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Folder with good bearings and a good scenario."""
-    (tmp_path / "bearings.csv").write_text(BEARINGS)
-    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    (tmp_path / "bearings.csv").write_text(BEARINGS, encoding="utf-8")
+    (tmp_path / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
     return tmp_path
 
 
-def refuse_bearings(folder: Path, *options: object, names: tuple[str, ...]) -> None:
-    refuse(folder, "track", folder / "bearings.csv", "--scenario", folder / "scenario.toml", *options, names=names)
+def refuse_bearings(folder: Path, names: tuple[str, ...]) -> None:
+    refuse(folder, folder / "bearings.csv", folder / "scenario.toml", names)
 
 
 @pytest.mark.parametrize(
@@ -37,16 +37,23 @@ def refuse_bearings(folder: Path, *options: object, names: tuple[str, ...]) -> N
         ("range = [200.0, 3000.0]", "x = [0.0, 1.0]", ("either range, or x and y",)),
         ("range = [200.0, 3000.0]", "range = [3000.0, 200.0]", ("range goes from 3000 to 200 m",)),
         ("range = [200.0, 3000.0]", "range = [-5.0, 200.0]", ("range begins at -5 m",)),
-        ("[filter]", '[filter]\nkind = "grid"', ("filter.kind", "[bearings]")),
-        ("[filter]", '[tracker]\nmethod = "cfar"\n[filter]', ("cfar", "[bearings]")),
-        ("[filter]", "[frames]\n[filter]", ("[bearings] and [frames]",)),
-        ("[target]", "[target]\nspeed = 3.0", ("target.speed", "bearings.speed")),
+        ("[filter]", '[filter]\nkind = "grid"', ("no field filter.kind", "particles")),
+        ("[filter]", '[tracker]\nmethod = "cfar"\n[filter]', ("no field tracker.method",)),
+        ("[filter]", "[frames]\n[filter]", ("[bearings] is of bearings", "[frames] of frames")),
+        ("[target]", "[target]\nspeed = 3.0", ("no field target.speed",)),
+        ("[filter]", "[simulation]\nscans = 9\n[filter]", ("simulation.observers is missing",)),
+        ("[filter]", "[simulation]\nscans = 9\nobservers = []\n[filter]", ("simulation.observers", "1 or more")),
+        (
+            "[filter]",
+            "[simulation]\nscans = 9\nobservers = [{path = [[5, 0, 0], [5, 9, 9]]}]\n[filter]",
+            ("simulation.observers[0]", "5 s after one at 5 s", "ascending"),
+        ),
     ],
 )
 def test_scenario_that_is_wrong(folder: Path, old: str, new: str, names: tuple[str, ...]) -> None:
     assert old in SCENARIO
-    (folder / "scenario.toml").write_text(SCENARIO.replace(old, new))
-    refuse_bearings(folder, names=("scenario.toml", *names))
+    (folder / "scenario.toml").write_text(SCENARIO.replace(old, new), encoding="utf-8")
+    refuse_bearings(folder, ("scenario.toml", *names))
 
 
 @pytest.mark.parametrize(
@@ -58,12 +65,11 @@ def test_scenario_that_is_wrong(folder: Path, old: str, new: str, names: tuple[s
     ],
 )
 def test_bearings_that_are_wrong(folder: Path, rows: str, names: tuple[str, ...]) -> None:
-    (folder / "bearings.csv").write_text(BEARINGS + rows)
-    refuse_bearings(folder, names=("bearings.csv", *names))
+    (folder / "bearings.csv").write_text(BEARINGS + rows, encoding="utf-8")
+    refuse_bearings(folder, ("bearings.csv", *names))
 
 
 def test_bearings_without_what_they_need(folder: Path) -> None:
     path = folder / "bearings.csv"
-    refuse(folder, "track", path, names=("bearings.csv", "--scenario", "[bearings]"))
-    refuse(folder, "track", path, path, "--scenario", folder / "scenario.toml", names=("2 files", "one file"))
-    refuse_bearings(folder, "--band", 100, 200, names=("scenario.toml has [bearings]", "--band"))
+    refuse(folder, path, None, ("bearings.csv", "--scenario", "[bearings]"))
+    refuse(folder, [path, path], folder / "scenario.toml", ("2 files", "one file"))

@@ -1,6 +1,6 @@
 """Returns of a sonar: a target is found and followed, in blocks of any size, from a file to the report."""
 
-import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import faintrack as ft
 from faintrack.data.returns import Returns, from_columns, to_columns
 from faintrack.errors import InputError
-from faintrack.io import read_returns, write_returns
-from faintrack.io.results import read_result
-from faintrack.kinds.session_returns import track_ping_blocks, track_returns
-from faintrack.plots.returns import draw_returns
-from faintrack.results.result import Result, joined
-from tests.cli.calling import call
+from faintrack.io.returns import read_returns, write_returns
+from faintrack.kinds.loop import datasets
+from faintrack.kinds.returns.build import expected_returns
+from faintrack.kinds.returns.plan import plan
+from faintrack.kinds.returns.simulate import silence
+from faintrack.results.result import Result
+from faintrack.results.schema import joined
 from tests.returns import EAST, INTERVAL, NORTH, PINGS, SCENARIO, START, VELOCITY, columns, drawn, scenario
 
 CELL = 2500.0
@@ -24,7 +26,7 @@ CELL = 2500.0
 
 @pytest.fixture(scope="module")
 def followed() -> Result:
-    return track_returns(drawn(), scenario())
+    return ft.track(drawn(), scenario())
 
 
 def test_a_target_is_found_and_followed(followed: Result) -> None:
@@ -33,11 +35,11 @@ def test_a_target_is_found_and_followed(followed: Result) -> None:
     # Its echo tells 14 nats a ping where it is known; it has to be found in one of 144 cells and 9 velocities.
     assert track.start_s <= 4 * INTERVAL
     assert track.end_s == (PINGS - 1) * INTERVAL
-    held = data.label.values > 0
-    error = np.hypot(data.x_mean - EAST, data.y_mean - NORTH).values[held]
+    held = data.label.values[:, 0] > 0
+    error = np.hypot(data.x[:, 0] - EAST, data.y[:, 0] - NORTH).values[held]
     # A cell of 2.5 km is 1.0 km from its middle on average.
     assert np.sqrt(np.mean(error**2)) < CELL
-    off = [abs(float(data[f"{name}_mean"][-1]) - true) for name, true in zip(("vx", "vy"), VELOCITY, strict=True)]
+    off = [abs(float(data[name][-1, 0]) - true) for name, true in zip(("vx", "vy"), VELOCITY, strict=True)]
     assert max(off) < 3.0
     within = [
         np.abs(data[f"{name}_mode"] - true).values[held] < 1.5 * CELL for name, true in (("x", EAST), ("y", NORTH))
@@ -46,31 +48,37 @@ def test_a_target_is_found_and_followed(followed: Result) -> None:
 
 
 def test_noise_gives_no_track() -> None:
-    result = track_returns(drawn(present=False, seed=1), scenario())
+    result = ft.track(drawn(present=False, seed=1), scenario())
     assert result.tracks == []
-    assert result.existence.max() < 0.5
+    assert result.data.existence.max() < 0.5
 
 
 def test_what_is_kept_agrees_with_itself(followed: Result) -> None:
     data = followed.data
-    assert data.sizes == {"time": PINGS, "snapshot": 8, "x": 12, "y": 12, "vx": 3, "vy": 3}
+    sizes = {"axis_x": 12, "axis_y": 12, "axis_vx": 3, "axis_vy": 3}
+    assert {**data.position.sizes, **data.velocity.sizes} == {"snapshot": 8, **sizes}
+    assert data.existence.sizes == {"time": PINGS, "slot": 1}
     for names in (("x", "y"), ("vx", "vy")):
         chance = np.exp(data["position" if names[0] == "x" else "velocity"])
-        np.testing.assert_allclose(chance.sum(names), 1, rtol=1e-4)
+        axes = [f"axis_{name}" for name in names]
+        np.testing.assert_allclose(chance.sum(axes), 1, rtol=1e-4)
         for name in names:
-            expected = (chance * data[name]).sum(names)
-            found = data[f"{name}_mean"].sel(time=data.snapshot.values)
-            np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3 * float(data[name].max()))
-    assert all("units" in data[name].attrs for name in data.variables)
+            axis = data[f"axis_{name}"]
+            expected = (chance * axis).sum(axes)
+            found = data[name].sel(time=data.snapshot.values)[:, 0]
+            np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3 * float(axis.max()))
+    assert all("units" in data[name].attrs for name in data.data_vars)
     np.testing.assert_array_equal(data.returns, drawn().counts)
-    assert data.attrs["first_ping_time"] == START
-    assert data.attrs["ping_interval"] == INTERVAL
+    assert data.attrs["first_scan_time"] == START
+    assert data.attrs["scan_interval"] == INTERVAL
     assert float(data.receiver_y[3]) == 1000.0
 
 
 def test_blocks_of_any_size_give_the_same(followed: Result) -> None:
-    pieces = joined(track_ping_blocks(drawn(), scenario(), 7))
-    xr.testing.assert_allclose(followed.data, pieces, rtol=1e-3, atol=1e-3)
+    pieces = joined(list(datasets(replace(plan(drawn(), scenario()), size=7))))
+    # The covariance of a belief that is cells wide is a difference of large sums.
+    xr.testing.assert_allclose(followed.data, pieces, rtol=1e-3, atol=1.0)
+    xr.testing.assert_allclose(followed.data.existence, pieces.existence, rtol=1e-3, atol=1e-3)
 
 
 def test_platforms_in_columns_that_stand_still_give_the_same(followed: Result) -> None:
@@ -80,10 +88,10 @@ def test_platforms_in_columns_that_stand_still_give_the_same(followed: Result) -
         names = (f"{platform}_x_m", f"{platform}_y_m", f"{platform}_vx", f"{platform}_vy")
         content |= dict(zip(names, (np.full(rows, value) for value in (*place, 0.0, 0.0)), strict=True))
     # What the scenario says of them does not count.
-    moving = track_returns(from_columns(content), scenario(sonar={"source": [9e3, 9e3]}))
-    np.testing.assert_allclose(moving.existence, followed.existence, rtol=1e-3, atol=1e-4)
+    moving = ft.track(from_columns(content), scenario(sonar={"source": [9e3, 9e3]}))
+    np.testing.assert_allclose(moving.data.existence, followed.data.existence, rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(moving.data.source_x, 0.0)
-    draw_returns(moving)
+    moving.plot()
 
 
 def test_a_missing_ping_is_a_longer_interval(followed: Result) -> None:
@@ -91,7 +99,7 @@ def test_a_missing_ping_is_a_longer_interval(followed: Result) -> None:
         name: column[to_columns(drawn())["time_s"] != START + 15 * INTERVAL]
         for name, column in to_columns(drawn()).items()
     }
-    result = track_returns(from_columns(content), scenario())
+    result = ft.track(from_columns(content), scenario())
     assert result.data.sizes["time"] == PINGS - 1
     (track,) = result.tracks
     assert track.end_s == (PINGS - 1) * INTERVAL
@@ -101,39 +109,68 @@ def test_doppler_tells_the_velocity() -> None:
     """A tone whose echo from the east comes 16 Hz higher: the target closes at 6 m/s."""
     tone = {"pulse": {"frequency": 2000.0, "duration": 1.0}, "doppler": [-24.0, 24.0], "doppler_step": 2.0}
     bins = {"delay": [3.0, 23.0], "delay_step": 1.0, "reach": [1, 4, 2], "swath": [1, 3, 1]}
-    result = track_returns(columns(5, doppler_hz=np.full(5, 16.0)), scenario(sonar=tone | bins | {"receiver": [0, 0]}))
-    assert result.existence[-1] > 0.97
+    result = ft.track(columns(5, doppler_hz=np.full(5, 16.0)), scenario(sonar=tone | bins | {"receiver": [0, 0]}))
+    assert result.data.existence[-1, 0] > 0.97
     assert float(result.data.x_mode[-1]) == pytest.approx(6000, abs=CELL)
-    assert float(result.data.vx_mean[-1]) == pytest.approx(-6.0, abs=1.5)
+    assert float(result.data.vx[-1, 0]) == pytest.approx(-6.0, abs=1.5)
 
 
 def test_from_a_file_to_the_report(followed: Result, tmp_path: Path) -> None:
     write_returns(tmp_path / "returns.csv", drawn())
-    (tmp_path / "scenario.toml").write_text(SCENARIO)
-    done = call("track", tmp_path / "returns.csv", "--scenario", tmp_path / "scenario.toml", "--out", tmp_path / "out")
-    assert done.status == 0, done.err
-    assert f"1 tracks in {PINGS} pings" in done.out
-    header, row = (tmp_path / "out" / "tracks.csv").read_text().splitlines()
-    assert header == "label,start_s,end_s,x_start,y_start,x_end,y_end,speed,existence_max"
-    result = read_result(tmp_path / "out")
-    xr.testing.assert_allclose(followed.data, result.data.load(), rtol=1e-3, atol=1e-3)
-
-    (tmp_path / "out" / "report.html").unlink()
-    assert call("report", tmp_path / "out").status == 0
-    text = (tmp_path / "out" / "report.html").read_text()
-    for told in (
+    (tmp_path / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
+    result = ft.track(tmp_path / "returns.csv", tmp_path / "scenario.toml", out=tmp_path / "out")
+    header, row = (tmp_path / "out" / "tracks.csv").read_text(encoding="utf-8").splitlines()
+    assert header.startswith("label,start_s,end_s,x_m,x_m_std,x_m_start,x_m_end,y_m,")
+    assert header.endswith(",speed_m_s,existence_max")
+    np.testing.assert_allclose(result.data.existence, followed.data.existence, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(result.data.position, followed.data.position, rtol=1e-3, atol=1e-3)
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for fact in (
         "1 track in returns.csv",
         "30, 120 s apart",
         "200 delays from 3 to 22.9 s",
         "24 beams",
         "1000 s; times",
     ):
-        assert told in text
+        assert fact in text
     # The scenario in the result runs again.
-    again = call("track", tmp_path / "returns.csv", "--scenario", tmp_path / "out" / "scenario.toml", "--json")
-    printed = json.loads(again.out)
-    assert printed["pings"] == PINGS
-    assert ",".join(map(str, printed["tracks"][0].values())) == row
+    again = ft.track(tmp_path / "returns.csv", tmp_path / "out" / "scenario.toml", out=tmp_path / "again")
+    assert again.scenario == result.scenario
+    assert (tmp_path / "again" / "tracks.csv").read_text(encoding="utf-8").splitlines()[1] == row
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".zarr"])
+def test_a_file_tells_what_it_holds(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"night{suffix}"
+    write_returns(path, drawn())
+    info = ft.info(path)
+    assert info.kind == "returns"
+    assert info.facts["holds"] == f"{PINGS} pings, 120 s apart"
+    with pytest.raises(InputError, match=r"there is no \[sonar\].*taken for returns"):
+        ft.track(path)
+
+
+SIMULATION = {"pings": 40, "interval": INTERVAL}
+
+
+def test_a_simulated_target_is_found() -> None:
+    target = {"x": EAST[0], "y": NORTH[0], "vx": VELOCITY[0], "vy": VELOCITY[1], "end": 25 * INTERVAL}
+    result = ft.track(ft.simulate(scenario(simulation=SIMULATION | {"targets": [target]})), scenario())
+    (track,) = result.tracks
+    assert track.start_s <= 4 * INTERVAL
+    assert track.end_s >= 24 * INTERVAL
+    error = np.hypot(track.mean["x"] - EAST[0] - 6 * track.time, track.mean["y"] - NORTH[0] + 3 * track.time)
+    assert np.sqrt(np.mean(error[track.time < 25 * INTERVAL] ** 2)) < CELL
+
+
+def test_silence_has_as_many_returns_as_noise_gives() -> None:
+    what = scenario(simulation=SIMULATION | {"pings": 2000, "targets": [{"x": 6e3, "y": 0.0}]})
+    counts = silence(what, seed=5).counts
+    expected = expected_returns(what.sonar)
+    # A number out of thousands of rare ones is Poisson; five standard errors of the mean.
+    assert abs(counts.mean() - expected) < 5 * np.sqrt(expected / len(counts))
+    # A bin of 12 dB over the noise passes the threshold of 9 dB with probability 0.6.
+    assert ft.simulate(what).counts.mean() > expected + 0.5
 
 
 def test_zarr_holds_the_same(tmp_path: Path) -> None:
@@ -147,7 +184,7 @@ WIDE = {"doppler": [-9.0, 9.0], "doppler_bins": 9, "reach": [12] * 3, "swath": [
 
 
 @pytest.mark.parametrize(
-    ("returns", "tables", "says"),
+    ("returns", "sections", "says"),
     [
         (columns(1), {}, "one ping; expected two or more"),
         (
@@ -177,6 +214,6 @@ WIDE = {"doppler": [-9.0, 9.0], "doppler_bins": 9, "reach": [12] * 3, "swath": [
         ),
     ],
 )
-def test_what_does_not_fit_is_refused(returns: Returns, tables: dict[str, Any], says: str) -> None:
+def test_what_does_not_fit_is_refused(returns: Returns, sections: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=f"returns in memory.*{says}"):
-        track_returns(returns, scenario(**tables))
+        ft.track(returns, scenario(**sections))

@@ -1,0 +1,82 @@
+"""Returns drawn from the model: echoes of targets in noise, or noise alone."""
+
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from faintrack.data.returns import Returns
+from faintrack.errors import InputError
+from faintrack.kinds.planar import Targets, known, states_of
+from faintrack.kinds.returns.build import build_likelihood, build_sonar
+from faintrack.kinds.returns.sections import ReturnsScenario, SimulationSection
+from faintrack.likelihoods.exceedances import ExceedanceLikelihood
+from faintrack.results.truth import Known
+from faintrack.sensors.active import Ping
+from faintrack.signal.pings import from_pings
+from faintrack.simulation.active import capacity_for, draw_ping
+
+
+def simulate(scenario: ReturnsScenario) -> Returns:
+    """Returns that a scenario's `[simulation]` describes.
+
+    Raises
+    ------
+    InputError : the scenario has no simulation, or does not say where source and receiver stand.
+    """
+    section = _simulation(scenario)
+    return _drawn(scenario, section.targets, section.seed)
+
+
+def targets(scenario: ReturnsScenario) -> list[Known]:
+    """Targets of a simulation, as results tell their places."""
+    return known(_simulation(scenario).targets)
+
+
+def silence(scenario: ReturnsScenario, seed: int) -> Returns:
+    """The same without a target."""
+    return _drawn(scenario, (), seed)
+
+
+def _simulation(scenario: ReturnsScenario) -> SimulationSection:
+    if scenario.simulation is None:
+        raise InputError("the scenario has no [simulation]; expected one with pings and interval.")
+    return scenario.simulation
+
+
+def _drawn(scenario: ReturnsScenario, targets: Targets, seed: int) -> Returns:
+    section = _simulation(scenario)
+    for name in ("source", "receiver"):
+        if getattr(scenario.sonar, name) is None:
+            raise InputError(f"sonar.{name} is missing; expected metres east and north, where it stands, to simulate.")
+    sonar = build_sonar(scenario.sonar)
+    likelihood = build_likelihood(scenario.sonar, sonar)
+    times = section.interval * np.arange(section.pings)
+    states, there = states_of(targets, times)
+    key = jax.random.key(seed)
+    capacity, lost = capacity_for(likelihood, len(targets)), np.array(True)
+    while lost.any():
+        pings, lost = _pings(likelihood, capacity, key, jnp.asarray(times, float), states, jnp.asarray(there))
+        capacity *= 2
+    return replace(from_pings(pings, sonar, "simulation"), times=times)
+
+
+@eqx.filter_jit
+def _pings(
+    likelihood: ExceedanceLikelihood,
+    capacity: int,
+    key: PRNGKeyArray,
+    times: Float[Array, " ping"],
+    states: Any,
+    there: Bool[Array, "ping target"],
+) -> tuple[Ping, Int[Array, " ping"]]:
+    """Pings one after the other, stacked, and how many returns each had no entry for."""
+
+    def ping(one: tuple[Array, Array, Any, Array]) -> tuple[Ping, Array]:
+        return draw_ping(jax.random.fold_in(key, one[0]), likelihood, capacity, *one[1:])
+
+    return jax.lax.map(ping, (jnp.arange(len(times)), times, states, there))
