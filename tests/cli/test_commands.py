@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from faintrack.io.results import read_result
+from faintrack import read_result
 from tests.cli.calling import SCENARIO, call
 
 
@@ -24,30 +24,43 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+RECORDING_COLUMNS = (
+    "label,start_s,end_s,bearing_deg,bearing_deg_std,bearing_deg_start,bearing_deg_end,bearing_rate_deg_s,"
+    "bearing_rate_deg_s_std,snr_db,snr_db_std,speed_deg_s,existence_max"
+)
+FRAMES_COLUMNS = (
+    "label,start_s,end_s,range_m,range_m_std,range_m_start,range_m_end,range_rate_m_s,range_rate_m_s_std,speed_m_s,"
+    "existence_max"
+)
+
+
 def test_result_folder_holds_what_it_should(tracked: Path) -> None:
     result = tracked / "result"
     assert sorted(path.name for path in result.iterdir()) == [
+        "about.json",
         "report.html",
         "result.zarr",
         "scenario.toml",
+        "states.csv",
         "tracks.csv",
-        "versions.json",
     ]
     data = xr.open_zarr(result / "result.zarr", chunks=None)
-    assert data.sizes == {"time": 40, "beam": 180}
-    assert all("units" in data[name].attrs for name in data.variables)
+    assert data.sizes == {"time": 40, "slot": 1, "component": 3, "other": 3, "beam": 180}
+    assert all("units" in data[name].attrs for name in [*data.data_vars, "time", "beam"])
     assert data.bearing.attrs["reference"] == "from the array axis"
-    assert set(json.loads((result / "versions.json").read_text())) >= {"faintrack", "jax", "python", "seconds"}
+    about = json.loads((result / "about.json").read_text())
+    assert set(about) >= {"faintrack", "jax", "python", "seconds", "kind", "remarks"}
+    assert about["kind"] == "recording"
 
 
 def test_the_source_is_found_and_nothing_else(tracked: Path) -> None:
     header, *rows = (tracked / "result" / "tracks.csv").read_text().splitlines()
-    assert header == "label,start_s,end_s,bearing_deg,bearing_std_deg,snr_db,existence_max"
+    assert header == RECORDING_COLUMNS
     (row,) = (line.split(",") for line in rows)
     assert 10 < float(row[1]) < 25
     # The scene's main lobe is 14 degrees wide.
     assert abs(float(row[3]) - 60) < 14
-    assert "1 tracks in 40 frames" in (tracked / "printed").read_text()
+    assert "1 tracks in 40 scans" in (tracked / "printed").read_text()
 
 
 def test_the_scenario_in_the_result_runs_again_and_gives_the_same(tracked: Path) -> None:
@@ -67,10 +80,10 @@ def test_the_scenario_in_the_result_runs_again_and_gives_the_same(tracked: Path)
 def test_json_has_the_promised_fields(tracked: Path) -> None:
     done = call("track", tracked / "recording.h5", "--scenario", tracked / "scenario.toml", "--json")
     printed = json.loads(done.out)
-    assert set(printed) >= {"tracks", "frames", "seconds", "realtime_factor"}
-    assert printed["frames"] == 40
+    assert set(printed) >= {"kind", "tracks", "scans", "scan_interval", "seconds", "realtime_factor", "masked_scans"}
+    assert (printed["kind"], printed["scans"], printed["scan_interval"]) == ("recording", 40, 1.0)
     (track,) = printed["tracks"]
-    assert set(track) == {"label", "start_s", "end_s", "bearing_deg", "bearing_std_deg", "snr_db", "existence_max"}
+    assert list(track) == RECORDING_COLUMNS.split(",")
 
 
 def test_band_and_frame_of_the_command_line_count(tracked: Path) -> None:
@@ -111,16 +124,18 @@ def test_frames_are_tracked_and_reported(tmp_path: Path) -> None:
     done = call("track", tmp_path / "radar.npz", "--out", tmp_path / "result")
     assert done.status == 0, done.err
     header, row = (tmp_path / "result" / "tracks.csv").read_text().splitlines()
-    assert header == "label,start_s,end_s,range_start,range_end,speed,existence_max"
+    assert header == FRAMES_COLUMNS
+    columns = dict(zip(header.split(","), row.split(","), strict=True))
     # The echo goes from 60 to 195 m, a cell of 15 m every second.
-    assert 5 <= float(row.split(",")[1]) < 9
-    assert abs(float(row.split(",")[4]) - 195) < 20
-    assert "range start m" in done.out
-    assert "speed m/s" in done.out
-    assert "1 tracks in 30 frames" in done.out
+    assert 5 <= float(columns["start_s"]) < 9
+    assert abs(float(columns["range_m_end"]) - 195) < 20
+    names, units = done.out.splitlines()[:2]
+    assert names.split() == ["start", "end", "range", "range", "std", "speed"]
+    assert units.split() == ["track", "s", "s", "start", "m", "end", "m", "m", "m/s", "existence"]
+    assert "1 tracks in 30 scans" in done.out
     again = call("track", tmp_path / "radar.npz", "--scenario", tmp_path / "result" / "scenario.toml", "--json")
     (track,) = json.loads(again.out)["tracks"]
-    assert ",".join(map(str, track.values())) == row
+    assert ",".join(f"{value:.10g}" for value in track.values()) == row
     (tmp_path / "result" / "report.html").unlink()
     assert call("report", tmp_path / "result").status == 0
     text = (tmp_path / "result" / "report.html").read_text()
@@ -128,7 +143,7 @@ def test_frames_are_tracked_and_reported(tmp_path: Path) -> None:
     assert "24 cells, 0 to 345 m" in text
 
 
-@pytest.mark.parametrize("command", ["demo", "simulate", "track", "report", "bench"])
+@pytest.mark.parametrize("command", ["demo", "simulate", "track", "report", "info", "init", "calibrate", "bench"])
 def test_help_shows_an_example(command: str) -> None:
     done = call(command, "--help")
     assert done.status == 0

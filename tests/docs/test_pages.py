@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from faintrack import Scenario
 from faintrack.cli import app
 from faintrack.io import read_array, write_recording
-from faintrack.scenario import read as read_scenario
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -83,7 +83,7 @@ def run_commands(block: str) -> None:
 def read_toml(block: str) -> None:
     file = Path(block.splitlines()[0].removeprefix("# "))
     file.write_text(block)
-    read = read_scenario if file.name.startswith("scenario") else read_array
+    read = Scenario.read if file.name.startswith("scenario") else read_array
     read(file)
 
 

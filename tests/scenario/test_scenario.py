@@ -6,15 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from faintrack.errors import InputError
+from faintrack import InputError, Scenario, line_array
+from faintrack.kinds.recording.build import build_beamformer, build_tracker
+from faintrack.kinds.recording.simulate import sources_of
 from faintrack.likelihoods.lobe_width import LobeWidth
 from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.likelihoods.white_signal import WhiteSignal
-from faintrack.scenario import Scenario, read, to_toml
-from faintrack.scenario.build import build_beamformer, build_tracker
-from faintrack.scenario.simulate import sources_of
-from faintrack.sensors.array import line_array
 
+EMPTY = 'kind = "recording"\n'
 FULL = """
 [array]
 channels = [{name = "a", x = 0.0, y = 0.0}, {name = "b", x = 1.0, y = 2.0, gain = 0.5}]
@@ -48,20 +47,20 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("text", ["", FULL])
+@pytest.mark.parametrize("text", [EMPTY, FULL])
 def test_written_and_read_again(tmp_path: Path, text: str) -> None:
-    scenario = read(written(tmp_path, text))
-    assert read(written(tmp_path, to_toml(scenario))) == scenario
+    scenario = Scenario.read(written(tmp_path, text))
+    assert Scenario.read(written(tmp_path, scenario.to_toml())) == scenario
 
 
 def test_units_are_converted(tmp_path: Path) -> None:
-    scenario = read(written(tmp_path, FULL))
+    scenario = Scenario.read(written(tmp_path, FULL))
     assert scenario.simulation is not None
     (source,) = sources_of(scenario.simulation)
     assert source.bearing == pytest.approx(math.pi / 2)
     assert source.bearing_rate == pytest.approx(math.pi / 180)
     array = line_array(8, 1.0)
-    plan = build_beamformer(scenario, array, 400.0)
+    plan = build_beamformer(scenario.analysis, array, 400.0)
     birth = build_tracker(scenario, array, plan).filter.target.birth
     assert float(birth.high.bearing_rate) == pytest.approx(math.pi / 180)
     assert float(birth.high.bearing) == pytest.approx(math.pi)
@@ -76,21 +75,21 @@ def test_units_are_converted(tmp_path: Path) -> None:
     ],
 )
 def test_each_likelihood_is_built(tmp_path: Path, table: str, kind: type) -> None:
-    scenario = read(written(tmp_path, f"[likelihood]\n{table}\n"))
+    scenario = Scenario.read(written(tmp_path, f"{EMPTY}[likelihood]\n{table}\n"))
     array = line_array(8, 1.0)
-    tracker = build_tracker(scenario, array, build_beamformer(scenario, array, 400.0))
+    tracker = build_tracker(scenario, array, build_beamformer(scenario.analysis, array, 400.0))
     assert isinstance(tracker.likelihood, kind)
 
 
 def test_source_that_ends_before_it_starts(tmp_path: Path) -> None:
-    scenario = read(written(tmp_path, FULL.replace("end = 8.0", "end = 1.0")))
+    scenario = Scenario.read(written(tmp_path, FULL.replace("end = 8.0", "end = 1.0")))
     assert scenario.simulation is not None
     with pytest.raises(InputError, match=r"sources\[0\].end is 1 s"):
         sources_of(scenario.simulation)
 
 
 def test_defaults_need_no_file() -> None:
-    scenario = Scenario()
+    scenario = Scenario(kind="recording")
     assert scenario.array is None
     assert scenario.likelihood.kind == "unknown_noise"
     assert np.isclose(scenario.analysis.frame, 1.0)

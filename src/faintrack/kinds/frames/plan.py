@@ -122,7 +122,7 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         return _dataset(times, estimates, pictures, sequence)
 
     def close(state: tuple[Any, Following, Array]) -> xr.Dataset:
-        shown = np.concatenate([sequence.read(int(number), int(number) + 1) for number in snapshots])
+        shown = np.concatenate([sequence.read(number, number + 1) for number in snapshots.tolist()]).astype(np.float32)
         return _snapshots(sequence.times[snapshots] - sequence.times[0], shown, np.asarray(state[2]), sequence)
 
     return Plan(

@@ -77,7 +77,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     with naming(recording.source):
         tracker = build_tracker(scenario, array, beamformer, noise_power)
     frame_bytes = 4 * max(beamformer.grid.frequency.size * beamformer.grid.beams, length * recording.channels)
-    heard = np.zeros(recording.channels, bool)
+    # Of a run that is taken up again it is not known what was heard before.
+    heard = np.ones(recording.channels, bool)
 
     def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         block = framed(clean.recording, length, start, min(stop, count) - start)
@@ -85,6 +86,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
 
     def rows(start: int, block: tuple[np.ndarray, ...], outputs: tuple[Estimate, np.ndarray]) -> xr.Dataset:
         usable = block[2]
+        heard[:] &= start > 0
         np.logical_or(heard, usable.any(axis=0), out=heard)
         if start + len(usable) == count:
             _require_heard(recording, array, heard)

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import faintrack as ft
+from faintrack import Result, Sequence, from_frames
 from faintrack.beliefs.axis import Axis
-from faintrack.data.sequence import Sequence, from_frames
-from faintrack.errors import InputError
-from faintrack.io.results import read_result, result_folder, write_result
-from faintrack.kinds.session_frames import track_frame_blocks, track_frames
-from faintrack.results.result import joined
-from faintrack.scenario import Scenario
+from faintrack.results.schema import joined
 
 APPEARS, COUNT, SNR = 12, 40, 6.0
 """Frame in which the target appears; number of frames; its mean power over that of the noise in each, 7.8 dB."""
@@ -24,10 +21,6 @@ PIXELS = {"frames": {"background": "none"}, "cells": {"amplitude": "rayleigh", "
 PARTICLES = {"filter": {"kind": "particles", "particles": 4000, "births": 4000}}
 PATH_X, PATH_Y = 3.0 + 0.6 * TIME, 18.0 - 0.3 * TIME
 PATH_RANGE = 8.0 + 0.4 * TIME
-
-
-def scenario(*tables: dict[str, Any]) -> Scenario:
-    return Scenario.model_validate({"frames": {}} | {name: table for each in tables for name, table in each.items()})
 
 
 def power(shape: tuple[int, ...], *path: np.ndarray, seed: int = 0, snr: float = SNR) -> np.ndarray:
@@ -43,14 +36,18 @@ def pixels(*path: np.ndarray, seed: int = 0) -> Sequence:
     return from_frames(np.sqrt(2 * power((20, 28), *path, seed=seed)))
 
 
-def test_a_faint_pixel_is_found_and_followed() -> None:
-    result = track_frames(pixels(PATH_Y, PATH_X), scenario(PIXELS))
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return ft.track(pixels(PATH_Y, PATH_X), PIXELS)
+
+
+def test_a_faint_pixel_is_found_and_followed(result: Result) -> None:
     (track,) = result.tracks
     # Ten frames of 6 - log 7 nats each, if it were known where, against one of 560 pixels and a rate of 0.001.
     assert APPEARS < track.start_s <= APPEARS + 10
     assert track.end_s == COUNT - 1
-    held = result.data.label.values > 0
-    error = np.hypot(result.data.x_mean - PATH_X, result.data.y_mean - PATH_Y).values[held]
+    held = result.data.label.values[:, 0] > 0
+    error = np.hypot(result.data.x[:, 0] - PATH_X, result.data.y[:, 0] - PATH_Y).values[held]
     # Half a pixel along each axis is what pixels tell at best; a fading target is lost for a frame or two.
     assert np.median(error) < 1.0
     assert error.max() < 4.0
@@ -58,25 +55,23 @@ def test_a_faint_pixel_is_found_and_followed() -> None:
 
 
 def test_pixels_without_a_target_give_no_track() -> None:
-    result = track_frames(pixels(seed=1), scenario(PIXELS))
+    result = ft.track(pixels(seed=1), PIXELS)
     assert result.tracks == []
-    assert result.existence.max() < 0.5
+    assert result.data.existence.max() < 0.5
 
 
-def test_blocks_of_any_size_give_the_same() -> None:
-    what, sequence = scenario(PIXELS), pixels(PATH_Y, PATH_X)
-    whole, pieces = (joined(track_frame_blocks(sequence, what, size)) for size in (None, 7))
-    xr.testing.assert_allclose(whole, pieces, rtol=1e-4, atol=1e-4)
+def test_blocks_of_any_size_give_the_same(result: Result) -> None:
+    pieces = joined([moment.data for moment in ft.follow(pixels(PATH_Y, PATH_X), PIXELS, block=7)])
+    xr.testing.assert_allclose(result.data.drop_dims("snapshot")[list(pieces)], pieces, rtol=1e-4, atol=1e-4)
 
 
-def test_some_frames_are_kept_for_the_report() -> None:
-    sequence = pixels(PATH_Y, PATH_X)
-    data = track_frames(sequence, scenario(PIXELS)).data
+def test_some_frames_are_kept_for_the_report(result: Result) -> None:
+    sequence, data = pixels(PATH_Y, PATH_X), result.data
     assert data.snapshot.values.tolist() == [4, 9, 14, 19, 24, 29, 34, 39]
     np.testing.assert_array_equal(data.frame[2], sequence.read(14, 15)[0].astype(np.float32))
     # The surface after a frame holds the odds of existence, spread over the cells.
     odds = np.exp(data.surface.values.astype(float)).sum(axis=(1, 2))
-    existence = data.existence.sel(time=data.snapshot.values).values
+    existence = data.existence.sel(time=data.snapshot.values).values[:, 0]
     np.testing.assert_allclose(odds / (1 + odds), existence, rtol=1e-4)
 
 
@@ -91,18 +86,16 @@ def profile() -> Sequence:
 
 
 def test_a_target_in_clutter_of_unknown_level_is_followed(profile: Sequence, tmp_path: Path) -> None:
-    what = scenario({"cells": {"levels": [CLUTTER_SNR]}})
-    with result_folder(tmp_path / "out") as folder:
-        write_result(folder, track_frame_blocks(profile, what), what, None)
-    result = read_result(tmp_path / "out")
+    what = {"cells": {"levels": [CLUTTER_SNR]}}
+    result = ft.track(profile, what, out=tmp_path / "out")
     (track,) = result.tracks
     assert 0.5 * APPEARS < track.start_s < 0.5 * APPEARS + 8
-    assert track.end["range"] == pytest.approx(500 + 15 * PATH_RANGE[-1], abs=30)
-    assert result.data.record.dims == result.data.surface.dims == ("time", "range")
-    assert (result.data.range.attrs["units"], result.data.range_rate_mean.attrs["units"]) == ("m", "m/s")
-    assert result.data.attrs["first_frame_time"] == 100.0
+    assert track.mean["range"][-1] == pytest.approx(500 + 15 * PATH_RANGE[-1], abs=30)
+    assert result.data.record.dims == result.data.surface.dims == ("time", "axis_range")
+    assert (result.data.range.attrs["units"], result.data.range_rate.attrs["units"]) == ("m", "m/s")
+    assert result.data.attrs["first_scan_time"] == 100.0
     assert result.summary()["realtime_factor"] > 0
-    xr.testing.assert_allclose(result.data.load(), track_frames(profile, what).data, rtol=1e-3, atol=1e-3)
+    xr.testing.assert_allclose(result.data.load(), ft.track(profile, what).data, rtol=1e-3, atol=1e-3)
 
 
 def doppler(first: float, leaves: int = COUNT) -> Sequence:
@@ -117,18 +110,18 @@ DOPPLER = {"frames": {"background": "none"}, "cells": {"amplitude": "swerling1",
 
 
 def test_particles_follow_where_a_doppler_axis_says_the_rate() -> None:
-    result = track_frames(doppler(2.0), scenario(DOPPLER, PARTICLES))
+    result = ft.track(doppler(2.0), DOPPLER | PARTICLES)
     (track,) = result.tracks
-    assert track.end["range"] == pytest.approx(2.0 + 0.4 * (COUNT - 1), abs=2)
-    assert float(result.data.range_rate_mean[-1]) == pytest.approx(0.4, abs=0.15)
+    assert track.mean["range"][-1] == pytest.approx(2.0 + 0.4 * (COUNT - 1), abs=2)
+    assert float(result.data.range_rate[-1, 0]) == pytest.approx(0.4, abs=0.15)
 
 
 def test_a_track_ends_where_its_target_leaves_the_frame() -> None:
     leaves = 28
-    result = track_frames(doppler(23.4 - 0.4 * leaves, leaves), scenario(DOPPLER, PARTICLES))
+    result = ft.track(doppler(23.4 - 0.4 * leaves, leaves), DOPPLER | PARTICLES)
     (track,) = result.tracks
     assert leaves - 4 < track.end_s < leaves + 5
-    assert result.data.range_mean.max() <= 23.5
+    assert result.data.range.max() <= 23.5
 
 
 IMAGES, PROFILES = from_frames(np.ones((4, 12, 12))), from_frames(np.ones((4, 12)))
@@ -159,5 +152,5 @@ IMAGES, PROFILES = from_frames(np.ones((4, 12, 12))), from_frames(np.ones((4, 12
     ],
 )
 def test_what_does_not_fit_is_refused(sequence: Sequence, tables: dict[str, Any], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        track_frames(sequence, scenario(tables))
+    with pytest.raises(ft.InputError, match=says):
+        ft.track(sequence, tables)

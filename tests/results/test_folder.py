@@ -1,0 +1,49 @@
+"""A result is whole or not there."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import faintrack as ft
+from faintrack.kinds import door
+from faintrack.results import folder as folders
+
+ARRAY = ft.line_array(4, 1.0)
+RECORDING = ft.from_samples(np.random.default_rng(0).normal(size=(6000, 4)), 1000.0)
+
+
+@pytest.fixture(scope="module")
+def held() -> ft.Result:
+    return ft.track(RECORDING, array=ARRAY)
+
+
+def test_written_in_pieces_equals_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folders, "CHUNK", 4)
+    monkeypatch.setattr("faintrack.kinds.recording.plan.LONGEST_BLOCK", 2)
+    kept, held = ft.track(RECORDING, array=ARRAY, out=tmp_path / "out"), ft.track(RECORDING, array=ARRAY)
+    xr.testing.assert_equal(kept.data.load(), held.data)
+    assert kept.data.record.attrs == held.data.record.attrs
+    assert kept.scenario == held.scenario
+
+
+@pytest.mark.parametrize("reason", [KeyboardInterrupt, RuntimeError, OSError])
+def test_an_interruption_leaves_the_earlier_result(
+    held: ft.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: type[BaseException]
+) -> None:
+    out = held.save(tmp_path / "out")
+    before = (out / "about.json").read_text()
+    whole: Callable[..., Iterator[xr.Dataset]] = door.datasets
+
+    def interrupted(*arguments: Any) -> Iterator[xr.Dataset]:
+        yield from whole(*arguments)
+        raise reason
+
+    monkeypatch.setattr(door, "datasets", interrupted)
+    with pytest.raises((reason, ValueError)):
+        ft.track(RECORDING, array=ARRAY, out=out)
+    assert (out / "about.json").read_text() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
