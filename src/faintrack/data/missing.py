@@ -372,8 +372,8 @@ def _look(
 def _runs_matter(values: np.ndarray, largest: float, axes: tuple[int, ...], constant_run: int | None) -> bool:
     """Whether runs of equal values are to be looked at: there are some, and they may be marks or a full scale."""
     if constant_run is None:
-        full = bool(np.isin(np.float32(largest), np.asarray(FULL_SCALE, np.float32)))
-        marks = largest >= min(map(abs, SENTINELS)) and bool(np.isin(values, [*SENTINELS, 2147483648.0]).any())
+        full = largest <= max(FULL_SCALE) and bool(np.isin(np.float32(largest), np.asarray(FULL_SCALE, np.float32)))
+        marks = largest >= abs(SENTINELS[0]) and bool(np.isin(values, [*SENTINELS, 2147483648.0]).any())
         if not (full or marks):
             return False
     return any(_has_runs(values, axis).any() for axis in axes)
