@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from faintrack import InputError, Scenario, line_array
-from faintrack.kinds.recording.build import build_beamformer, build_tracker
+from faintrack.kinds.beamforming import build_beamformer
+from faintrack.kinds.recording.build import build_tracker
 from faintrack.kinds.recording.simulate import sources_of
 from faintrack.likelihoods.lobe_width import LobeWidth
 from faintrack.likelihoods.unknown_noise import UnknownNoise

@@ -8,8 +8,8 @@ from faintrack.bench.machine import Machine, beam_operations
 from faintrack.bench.rows import Row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.data.recording import from_samples
+from faintrack.kinds.beamforming import build_beamformer
 from faintrack.kinds.door import track
-from faintrack.kinds.recording.build import build_beamformer
 from faintrack.kinds.scenario import Scenario
 from faintrack.sensors.array import line_array
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.ticker import MultipleLocator
 
 from faintrack.results.schema import units
 from faintrack.results.track import Track, tracks_of
@@ -91,3 +92,36 @@ def ends(values: np.ndarray) -> tuple[float, float]:
     """Where the first cell of an axis begins and the last one ends."""
     half = (values[-1] - values[0]) / max(len(values) - 1, 1) / 2 or 0.5
     return float(values[0] - half), float(values[-1] + half)
+
+
+def draw_record(axes: Axes, data: xr.Dataset) -> None:
+    """Beam power over time and bearing; colours from the 2nd to the 99.7th percentile."""
+    step = -(-data.sizes["time"] // COLUMNS)
+    record = data.record.coarsen(time=step, boundary="pad").max() if step > 1 else data.record
+    values = record.values.T
+    low, high = np.nanpercentile(values, [2, 99.7])
+    frame, beam = _spacing(data.time.values, 1.0), _spacing(data.beam.values, 1.0)
+    edges = (
+        float(data.time[0] - frame / 2),
+        float(data.time[0] - frame / 2 + frame * step * values.shape[1]),
+        float(data.beam[0] - beam / 2),
+        float(data.beam[-1] + beam / 2),
+    )
+    axes.imshow(
+        values,
+        origin="lower",
+        aspect="auto",
+        extent=edges,
+        cmap="cividis",
+        vmin=low,
+        vmax=high,
+        interpolation="nearest",
+    )
+    axes.set_xlim(edges[0], float(data.time[-1] + frame / 2))
+    axes.set_ylim(edges[2:])
+    axes.yaxis.set_major_locator(MultipleLocator(60 if edges[3] - edges[2] > 200 else 30))
+    axes.set_ylabel(f"bearing (degrees\n{data.beam.attrs['reference']})")
+
+
+def _spacing(values: np.ndarray, alone: float) -> float:
+    return float(values[1] - values[0]) if len(values) > 1 else alone

@@ -2,7 +2,7 @@
 
 from pydantic import Field, model_validator
 
-from faintrack.scenario.section import Section
+from faintrack.scenario.section import Pair, Section
 
 
 class TargetSection(Section):
@@ -60,3 +60,20 @@ class TrackerSection(Section):
         if not self.drop < self.declare:
             raise ValueError("drop: expected less than declare")
         return self
+
+
+class AnalysisSection(Section):
+    """How samples become scans; see `faintrack.signal.beamformer.beamformer`.
+
+    Attributes
+    ----------
+    band : lowest and highest frequency; Hz. Everything where not given.
+    frame : between scans; s.
+    beams : number of bearings; chosen from the array where not given.
+    snapshot : length of one transform within a frame; s; chosen from the array where not given.
+    """
+
+    band: Pair | None = None
+    frame: float = Field(default=1.0, gt=0)
+    beams: int | None = Field(default=None, ge=8, le=7200)
+    snapshot: float | None = Field(default=None, gt=0)

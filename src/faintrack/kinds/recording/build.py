@@ -11,13 +11,13 @@ from faintrack.baselines.detect_and_track import DetectAndTrack
 from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import Likelihood
-from faintrack.kinds.recording.sections import AnalysisSection, RecordingScenario, SourceTargetSection
+from faintrack.kinds.recording.sections import RecordingScenario, SourceTargetSection
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.likelihoods.white_signal import WhiteSignal
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, lobe_width
-from faintrack.signal.beamformer import Beamformer, beamformer
+from faintrack.signal.beamformer import Beamformer
 from faintrack.targets.motion import BearingMotion
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import Target, UniformBirth
@@ -31,16 +31,6 @@ CALIBRATION_FRAMES = 2000
 
 LOUDEST_DB = 20.0
 """Largest SNR of a target by default; dB."""
-
-
-def build_beamformer(analysis: AnalysisSection, array: SensorArray, sample_rate: float) -> Beamformer:
-    """Beamformer of a scenario's analysis for an array and a sample rate.
-
-    Raises
-    ------
-    InputError : band, frame and sample rate do not fit together.
-    """
-    return beamformer(array, sample_rate, analysis.frame, analysis.band, analysis.beams, analysis.snapshot)
 
 
 def build_tracker(

@@ -18,8 +18,9 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from faintrack.beliefs.belief import log_gain
 from faintrack.errors import InputError
 from faintrack.filters.run import step
+from faintrack.kinds.beamforming import build_beamformer
 from faintrack.kinds.calibration import Calibrated, Progress, counted_runs
-from faintrack.kinds.recording.build import build_beamformer, build_tracker
+from faintrack.kinds.recording.build import build_tracker
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.kinds.recording.simulate import simulated_array
 from faintrack.metrics.thresholds import Stratum, counted_threshold, wald_threshold

@@ -13,10 +13,11 @@ from faintrack.baselines.detect_and_track import DetectAndTrack
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError, naming
 from faintrack.io.arrays import matched
+from faintrack.kinds.beamforming import plan_frames
 from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import first_key
-from faintrack.kinds.recording.build import build_beamformer, build_tracker, default_snr_db
+from faintrack.kinds.recording.build import build_tracker, default_snr_db
 from faintrack.kinds.recording.checks import about_array, about_levels, as_heard
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.results.schema import bearing, estimated, of_scans
@@ -65,7 +66,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     array, rule = array_of(recording, scenario)
     band = scenario.analysis.band
     array, straight = as_heard(array, recording.sample_rate / 2 if band is None else band[1])
-    beamformer, length, count = plan_frames(recording, array, scenario)
+    beamformer, length, count = plan_frames(recording, array, scenario.analysis)
     clean = CleanRecording(recording)
     described: Any = scenario.array
     likelihood = scenario.likelihood
@@ -133,32 +134,6 @@ def array_of(recording: Recording, scenario: RecordingScenario) -> tuple[SensorA
             "given; expected array, a file (--array FILE) or a section of the scenario with the channels' positions."
         )
     return matched(build(scenario.array), recording)
-
-
-def plan_frames(recording: Recording, array: SensorArray, scenario: Any) -> tuple[Beamformer, int, int]:
-    """Beamformer of a recording, samples of a frame, and number of frames.
-
-    Parameters
-    ----------
-    recording, array : samples, and the geometry of their channels.
-    scenario : with `analysis`.
-
-    Raises
-    ------
-    InputError : recording, array, band and frame do not fit together.
-    """
-    if recording.channels != len(array.gains):
-        raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(array.gains)}.")
-    with naming(recording.source):
-        beamformer = build_beamformer(scenario.analysis, array, recording.sample_rate)
-    length = round(scenario.analysis.frame * recording.sample_rate)
-    count = recording.length // length
-    if count == 0:
-        raise InputError(
-            f"{recording.source} lasts {recording.duration:g} s; "
-            f"expected at least one frame of {scenario.analysis.frame:g} s."
-        )
-    return beamformer, length, count
 
 
 def measure_noise(
