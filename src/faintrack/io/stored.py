@@ -173,9 +173,7 @@ def zarr_values(path: Path, array: Any) -> tuple[Read, dict[str, Any]]:
     field = f"{path}: {array.path or 'the array'}"
     attributes = array.attrs.asdict()
     told = array.metadata.to_dict()
-    for codec in _codecs(told):
-        if codec not in CODECS:
-            raise InputError(f"{field} is packed with {codec!r}; expected one of {', '.join(sorted(CODECS)[:6])}, ...")
+    require_codecs(field, array)
     folder, shape, chunks, metadata = path / array.path, array.shape, array.chunks, array.metadata
     shard = getattr(array, "shards", None) or chunks
     numeric = np.dtype(array.dtype).kind in "iuf"
@@ -196,6 +194,23 @@ def zarr_values(path: Path, array: Any) -> tuple[Read, dict[str, Any]]:
         return values if empty or not numeric else _emptied(values, _absent(part, shape, shard, there))
 
     return read, attributes
+
+
+def require_codecs(field: str, array: Any) -> None:
+    """Refuse a Zarr array that is packed by what may do more than unpack numbers and text.
+
+    Parameters
+    ----------
+    field : file and array, for the message.
+    array : of zarr.
+
+    Raises
+    ------
+    InputError : it is packed with something else than `CODECS`.
+    """
+    for codec in _codecs(array.metadata.to_dict()):
+        if codec not in CODECS:
+            raise InputError(f"{field} is packed with {codec!r}; expected one of {', '.join(sorted(CODECS)[:6])}, ...")
 
 
 def _codecs(told: Any, depth: int = 0) -> Iterable[str]:

@@ -27,6 +27,7 @@ import xarray as xr
 
 from faintrack.errors import InputError
 from faintrack.io.locks import Held, locked
+from faintrack.io.stored import require_codecs
 from faintrack.results.result import Result
 from faintrack.results.tables import write_geojson, write_states, write_tracks
 from faintrack.scenario.section import to_toml
@@ -208,6 +209,11 @@ def save_result(result: Result, path: str | Path) -> Path:
 
 def open_blocks(folder: Path) -> xr.Dataset:
     """Data that `write_blocks` wrote, read as they are needed."""
+    import zarr
+
+    # Results of strangers run nothing.
+    for name, array in zarr.open_group(folder / "result.zarr", mode="r").arrays():
+        require_codecs(f"{folder}: {name}", array)
     data = xr.open_zarr(folder / "result.zarr", chunks=None)
     # Of a variable that is gone xarray would read empty values.
     for name in data.variables:
@@ -240,6 +246,8 @@ def read_folder(folder: str | Path) -> tuple[xr.Dataset, dict[str, Any]]:
         data = open_blocks(folder)
         for name in ("existence", "label", "track_existence", "covariance"):
             np.asarray(data[name].values)
+    except InputError:
+        raise
     # The libraries share no class of errors for a damaged store.
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__

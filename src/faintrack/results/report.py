@@ -126,8 +126,8 @@ def _truth(result: Result) -> str:
     if "known" not in result.data.sizes:
         return ""
     others = ", ".join(map(str, unexplained(result.data))) or "none"
-    near = f"{float(result.data.attrs['truth_within']):.3g} {units(result.data)[places(result.data)[0]]}"
-    sentence = f"<p>Tracks that are never within {near} of one of these: {others}.</p>"
+    near = html.escape(f"{float(result.data.attrs['truth_within']):.3g} {units(result.data)[places(result.data)[0]]}")
+    sentence = f"<p>Tracks that are never within {near} of one of these: {html.escape(others)}.</p>"
     return f"<h2>Targets known to have been there</h2>{table(*finding_table(result.data))}{sentence}"
 
 

@@ -53,7 +53,11 @@ class Result:
 
     def plot(self) -> "Figure":
         """Picture of the result, a matplotlib figure that belongs to no window."""
-        figure: Figure = self.kind.draw(self)
+        import matplotlib
+
+        # Names of stations and files are no formulas.
+        with matplotlib.rc_context({"text.parse_math": False}):
+            figure: Figure = self.kind.draw(self)
         return figure
 
     def report(self, file: str | Path) -> Path:

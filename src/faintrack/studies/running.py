@@ -73,7 +73,7 @@ def connect(workers: int | None = None, scheduler: str | None = None) -> Iterato
             n_workers=workers,
             threads_per_worker=1,
             memory_limit=None,
-            dashboard_address=":0",
+            dashboard_address=None,
             local_directory=scratch,
             silence_logs=logging.CRITICAL,
             env=_worker_environment(),
