@@ -6,8 +6,6 @@ A detector reports three false bearings in every scan and, nine times in ten, th
 knows which is which. One observer goes east at 10 m/s, another stands still; the target appears after 15 s.
 """
 
-from dataclasses import replace
-
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -21,21 +19,19 @@ tracking = {
     "target": {"arrival_rate": 0.01, "departure_rate": 0.01, "velocity_noise": 0.2},
     "filter": {"particles": 4000, "births": 2000},
 }
-target = {"x": 780.0, "y": 760.0, "vx": -8.0, "vy": 4.0, "start": appears}
 simulation = {
     "scans": seconds,
     "observers": [{"path": [[0, 0, 0], [seconds, 10 * seconds, 0]]}, {"path": [[0, 1500, -200]]}],
-    "targets": [target],
+    "targets": [{"x": 780.0, "y": 760.0, "vx": -8.0, "vy": 4.0, "start": appears}],
     "seed": 3,
 }
-bearings = ft.simulate(tracking, simulation=simulation)
 
 # %%
 # Both observers
 # --------------
 # Their log ratios add. Dark bearings belong to the target with high probability: nothing had to decide which they are.
 
-both = ft.track(bearings, tracking)
+both = ft.track(ft.simulate(tracking, simulation=simulation), tracking)
 figure, (above, below) = plt.subplots(2, 1, figsize=(8, 6), height_ratios=[2.2, 1], sharex=True, layout="constrained")
 figure.colorbar(draw_reported(above, both.data), ax=above, label="probability that the\nbearing is the target's")
 below.plot(both.data.time, both.data.existence, color="#0072B2")
@@ -45,22 +41,11 @@ below.set(xlabel="time (s); dashed: the target appears", ylabel="existence", yli
 # %%
 # One observer, or two
 # --------------------
-# One that moves knows the direction at once and the range slowly; two know where it is within a few scans.
+# One that moves knows the direction at once and the range slowly; two know where it is within a few scans. The first
+# reports the very same bearings when it is alone.
 
-first = bearings.observer == 0
-one = ft.track(
-    replace(
-        bearings,
-        observers=bearings.observers[:1],
-        heard=bearings.heard[:, :1],
-        place=bearings.place[:, :1],
-        scan=bearings.scan[first],
-        observer=bearings.observer[first],
-        bearing=bearings.bearing[first],
-        rows=bearings.rows[first],
-    ),
-    tracking,
-)
+first = {**simulation, "observers": simulation["observers"][:1]}
+one = ft.track(ft.simulate(tracking, simulation=first), tracking)
 figure, axes = plt.subplots(1, 2, figsize=(11, 4.6), layout="constrained")
 since = np.arange(seconds - appears)
 path = np.stack([780 - 8.0 * since, 760 + 4.0 * since], axis=-1)

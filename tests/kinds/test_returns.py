@@ -18,6 +18,7 @@ from faintrack.kinds.returns.plan import plan
 from faintrack.kinds.returns.simulate import silence
 from faintrack.results.result import Result
 from faintrack.results.schema import joined
+from faintrack.results.truth import findings
 from tests.returns import EAST, INTERVAL, NORTH, PINGS, SCENARIO, START, VELOCITY, columns, drawn, scenario
 
 CELL = 2500.0
@@ -155,12 +156,14 @@ SIMULATION = {"pings": 40, "interval": INTERVAL}
 
 def test_a_simulated_target_is_found() -> None:
     target = {"x": EAST[0], "y": NORTH[0], "vx": VELOCITY[0], "vy": VELOCITY[1], "end": 25 * INTERVAL}
-    result = ft.track(ft.simulate(scenario(simulation=SIMULATION | {"targets": [target]})), scenario())
+    what = scenario(simulation=SIMULATION | {"targets": [target]})
+    result = ft.track(ft.simulate(what), what, truth=what)
     (track,) = result.tracks
-    assert track.start_s <= 4 * INTERVAL
-    assert track.end_s >= 24 * INTERVAL
-    error = np.hypot(track.mean["x"] - EAST[0] - 6 * track.time, track.mean["y"] - NORTH[0] + 3 * track.time)
-    assert np.sqrt(np.mean(error[track.time < 25 * INTERVAL] ** 2)) < CELL
+    (found,) = findings(result.data)
+    assert (found.name, found.from_s, found.to_s, found.tracks) == ("target 1", 0, 24 * INTERVAL, (track.label,))
+    assert found.declared_s <= 4 * INTERVAL
+    assert found.followed > 0.9
+    assert found.rmse < CELL
 
 
 def test_silence_has_as_many_returns_as_noise_gives() -> None:

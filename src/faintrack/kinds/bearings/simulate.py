@@ -52,11 +52,11 @@ def _drawn(scenario: BearingsScenario, targets: Targets, seed: int) -> Bearings:
     times = section.interval * np.arange(section.scans)
     states, there = states_of(targets, times)
     place = np.stack([_along(observer.path, times) for observer in section.observers], axis=1)
-    still = jnp.zeros(place.shape[:2])
-    observers = PlanarState(*(jnp.asarray(part, float) for part in np.moveaxis(place, 2, 0)), still, still)
+    still = np.zeros(place.shape[:2])
+    observers = PlanarState(*(jnp.asarray(part, float) for part in (*np.moveaxis(place, 2, 0), still, still)))
     expected = scenario.bearings.false_per_scan
     # Fewer than one scan of a million has more; of its bearings none may be lost.
-    capacity, lost = int(expected + 6 * math.sqrt(expected)) + 8 + len(targets), np.array(True)
+    capacity, lost = int(expected + 6 * math.sqrt(expected)) + 8 + len(targets), jnp.array(True)
     while lost.any():
         sets, lost = _sets(sensor, capacity, jax.random.key(seed), observers, states, jnp.asarray(there))
         capacity *= 2

@@ -58,7 +58,7 @@ def _drawn(scenario: ReturnsScenario, targets: Targets, seed: int) -> Returns:
     times = section.interval * np.arange(section.pings)
     states, there = states_of(targets, times)
     key = jax.random.key(seed)
-    capacity, lost = capacity_for(likelihood, len(targets)), np.array(True)
+    capacity, lost = capacity_for(likelihood, len(targets)), jnp.array(True)
     while lost.any():
         pings, lost = _pings(likelihood, capacity, key, jnp.asarray(times, float), states, jnp.asarray(there))
         capacity *= 2
