@@ -32,7 +32,7 @@ def refuse(folder: Path, *arguments: object, names: tuple[str, ...]) -> None:
     assert done.out == ""
     (line,) = done.err.strip().splitlines()
     assert line.startswith("faintrack: ")
-    assert line.endswith(".")
+    assert line.endswith((".", "?"))
     for name in names:
         assert name in line, line
     assert sorted(folder.rglob("*")) == before
@@ -155,12 +155,12 @@ def test_scenario_that_is_wrong(folder: Path, text: str, names: tuple[str, ...])
         ("[frames]\n[cells]\nlevels = []\n", ("scenario.toml", "cells.levels")),
         ('[frames]\n[cells]\namplitude = "rice"\n', ("scenario.toml", "cells.amplitude", "rice")),
         ('[frames]\nbackground = "none"\n', ("frames.npz", "cells.amplitude is missing")),
-        ('[frames]\n[tracker]\nmethod = "cfar"\n', ("scenario.toml", "cfar", "bernoulli")),
+        ('[frames]\n[tracker]\nmethod = "cfar"\n', ("scenario.toml", "no field tracker.method", "declare, drop")),
         ("[frames]\n[array]\n" + LINE, ("scenario.toml", "[frames]", "[array]")),
         ("[frames]\n[analysis]\nframe = 2.0\n", ("scenario.toml", "[frames]", "[analysis]")),
         ("frames = 3\n", ("scenario.toml", "frames is 3", "expected a table")),
         ('[frames]\ndims = "time"\n', ("scenario.toml", "frames.dims", "expected a list")),
-        ('[filter]\nkind = "grid"\n', ("scenario.toml", "filter.kind", "[frames]")),
+        ("[filter]\nguided = true\n", ("scenario.toml", "filter.guided", "frames.npz was taken for frames", "--kind")),
     ],
 )
 def test_frames_that_do_not_fit_the_scenario(folder: Path, text: str, names: tuple[str, ...]) -> None:
@@ -181,8 +181,10 @@ def test_frames_with_what_only_an_array_has(folder: Path) -> None:
     np.savez(folder / "frames.npz", frames=np.ones((6, 9, 9)))
     (folder / "scenario.toml").write_text("[frames]\n")
     options = ("--scenario", folder / "scenario.toml", "--band", 100, 200)
-    refuse(folder, "track", folder / "frames.npz", *options, names=("scenario.toml", "--band"))
-    refuse(folder, "track", folder / "frames.npz", folder / "frames.npz", names=("2 files", "one file"))
+    refuse(folder, "track", folder / "frames.npz", *options, names=("scenario.toml", "[frames]", "[analysis]"))
+    two = ("track", folder / "frames.npz", folder / "frames.npz")
+    refuse(folder, *two, "--kind", "frames", names=("2 files", "one file"))
+    refuse(folder, *two, names=("frames.npz", "--kind"))
 
 
 def test_recording_with_a_scenario_for_frames(folder: Path) -> None:
@@ -198,6 +200,36 @@ def test_guard_that_does_not_fit_the_beams(folder: Path) -> None:
     (folder / "scenario.toml").write_text("[cfar]\nguard = 500\n")
     options = ("--scenario", folder / "scenario.toml", "--method", "cfar")
     refuse_track(folder, "good.wav", *options, names=("good.wav", "CFAR guard 500", "beams"))
+
+
+@pytest.mark.parametrize(
+    ("setting", "names"),
+    [
+        ("tracker.declare", ("--set tracker.declare", "SECTION.FIELD=VALUE")),
+        ("declare=0.9", ("--set declare=0.9", "SECTION.FIELD=VALUE")),
+        ("tracker.declare=high", ("tracker.declare is 'high'", "number")),
+        ("tracker.declared=0.9", ("no field tracker.declared", "declare")),
+    ],
+)
+def test_setting_that_is_none(folder: Path, setting: str, names: tuple[str, ...]) -> None:
+    refuse_track(folder, "good.wav", "--set", setting, names=names)
+
+
+def test_kind_that_is_none(folder: Path) -> None:
+    refuse_track(folder, "good.wav", "--kind", "film", names=("kind is 'film'", "recording, frames"))
+    done = call("init", "film")
+    assert done.status == 2
+    assert "kind is 'film'; expected one of recording, frames" in done.err
+
+
+def test_init_leaves_what_is_there_alone(folder: Path) -> None:
+    (folder / "scenario.toml").write_text("mine")
+    done = call("init", "frames", "--out", folder / "scenario.toml")
+    assert done.status == 2
+    assert "scenario.toml exists" in done.err
+    assert (folder / "scenario.toml").read_text() == "mine"
+    assert call("init", "frames", "--out", folder / "own.toml").status == 0
+    assert call("init", "frames").out == (folder / "own.toml").read_text()
 
 
 def test_scenario_that_is_missing(folder: Path) -> None:
@@ -257,4 +289,4 @@ def test_samples_that_are_not_finite_are_masked_and_counted(folder: Path) -> Non
     write_wav(folder / "holes.wav", samples)
     done = call("track", folder / "holes.wav", "--array", folder / "array.toml")
     assert done.status == 0, done.err
-    assert "8 frames, 2 with masked channels" in done.out
+    assert "0 tracks in 8 scans, 2 masked scans" in done.out

@@ -14,7 +14,7 @@ from faintrack.results.schema import joined
 from tests.kinds.small import SCANS, SCENARIOS, data, plan, result
 
 SMALL = pytest.mark.parametrize("kind", SCENARIOS)
-BLOCK = 4
+BLOCK = 5
 
 
 @SMALL
@@ -42,9 +42,9 @@ def test_following_goes_on_where_it_stopped(kind: str) -> None:
 
 
 @SMALL
-@pytest.mark.parametrize("size", [1, 5])
+@pytest.mark.parametrize("size", [1, BLOCK])
 def test_blocks_of_any_size_say_the_same(kind: str, size: int) -> None:
-    """One of 5 leaves a last block of 2. Sums are rounded in another order: a thousand roundings of single precision,
+    """Blocks of 5 leave a last one of 2. Sums are rounded in another order: a thousand roundings of single precision,
     of existence and of components of some hundred units."""
     pieces = list(advance(plan(kind), size=size))
     sizes = [rows.sizes["time"] for _, rows in pieces]

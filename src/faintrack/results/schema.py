@@ -18,7 +18,7 @@ one that has the attribute `counted` tells in how many scans something happened 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -116,8 +116,8 @@ def estimated(times: np.ndarray, estimates: Any, components: tuple[Component, ..
     existence, label = slots(estimates.existence), slots(estimates.label)
     own = slots(estimates.track_existence) if alone else existence
     held = (existence > 0) | (label > 0)
-    fields = [field for field in estimates.mean.__dataclass_fields__]
-    order = [fields.index(component.name) for component in components]
+    number = {field.name: number for number, field in enumerate(fields(estimates.mean))}
+    order = [number[component.name] for component in components]
     scale = np.array([component.scale for component in components])
     covariance = slots(estimates.covariance)[..., order, :][..., order] * np.outer(scale, scale)
     variables: dict[str, Any] = {

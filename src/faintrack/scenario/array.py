@@ -26,7 +26,7 @@ from xml.etree import ElementTree
 import numpy as np
 from pydantic import BeforeValidator, Field, PlainValidator, model_validator
 
-from faintrack.errors import InputError
+from faintrack.errors import InputError, naming
 from faintrack.scenario.section import FilePath, Section, read_toml, validated
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 
@@ -142,7 +142,12 @@ def _described(value: Any, info: Any) -> Any:
         return describe(value)
     if isinstance(value, str | Path):
         folder = (info.context or {}).get("folder")
-        return read_description(value if folder is None else Path(folder) / value)
+        path = Path(value) if folder is None else Path(folder) / value
+        description = read_description(path)
+        # Here the file is known whose channels make no array.
+        with naming(path):
+            build(description)
+        return description
     return value
 
 

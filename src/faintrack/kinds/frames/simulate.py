@@ -1,6 +1,7 @@
 """Frames drawn from the model: targets in noise, or noise alone."""
 
 import math
+from dataclasses import fields
 from dataclasses import replace as replaced
 from typing import Any
 
@@ -98,7 +99,7 @@ def _drawn(scenario: FramesScenario, targets: tuple[SimulatedTargetSection, ...]
                     name: jnp.asarray(place + rate * since)
                     for name, place, rate in zip(names, target.place, target.velocity, strict=True)
                 }
-                still = {field: jnp.zeros(()) for field in state.__dataclass_fields__ if field not in places}
+                still = {field.name: jnp.zeros(()) for field in fields(state) if field.name not in places}
                 level = level + likelihood.levels(state(**places, **still))
         key = jax.random.fold_in(jax.random.key(seed), number)
         return np.asarray(scenario.cells.noise * (VALUES[amplitude](key, level) + raised), np.float32)
