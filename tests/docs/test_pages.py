@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from faintrack import Scenario, kinds, read_array
-from faintrack.cli import app
+from faintrack.cli.app import app
 from faintrack.io import write_recording
 
 ROOT = Path(__file__).parents[2]
