@@ -13,13 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from faintrack.data.recording import Recording, from_samples
-from faintrack.io import read
-from faintrack.kinds.session import track, with_method
-from faintrack.scenario.model import Analysis, Scenario
-from faintrack.sensors.array import sensor_array
+import faintrack as ft
 
-ARRAY = sensor_array(
+ARRAY = ft.sensor_array(
     np.array([[-66.5, -44.5, 0.0], [-32.5, 77.8, 0.0], [88.2, -22.1, 0.0], [10.8, -11.1, 0.0]]), sound_speed=345.0
 )
 SOURCES = {
@@ -52,13 +48,16 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--draws", type=int, default=12, help="of the noise at each step")
     options = parser.parse_args()
-    recording: Recording = read(*options.recordings)
+    recording: ft.Recording = ft.read(*options.recordings)
     samples, rate = recording.read(0, recording.length).astype(float), recording.sample_rate
     quiet = np.concatenate([samples[int(a * rate) : int(b * rate)] for a, b in QUIET])
     # White noise spreads over all frequencies; this share of it falls into the band.
     share = (BAND[1] - BAND[0]) / (rate / 2)
-    base = Scenario(analysis=Analysis(band=BAND, frame=FRAME))
-    scenarios = {method: with_method(base, method) for method in ("bernoulli", "cfar")}
+    analysis = {"band": BAND, "frame": FRAME}
+    scenarios = {
+        method: ft.Scenario(array=ARRAY, analysis=analysis, tracker={"method": method})
+        for method in ("bernoulli", "cfar")
+    }
     rng = np.random.default_rng(0)
     # Highest existence in the quiet parts, and near each source while it lasts: by method, place, step; one a draw.
     highest: dict[str, dict[str, list[list[float]]]] = {m: {n: [] for n in [*SOURCES, "quiet"]} for m in scenarios}
@@ -68,9 +67,9 @@ def main() -> None:
             for steps in places.values():
                 steps.append([])
         for _ in range(options.draws):
-            noisy = from_samples(samples + rng.normal(scale=variance**0.5, size=samples.shape), rate)
+            noisy = ft.from_samples(samples + rng.normal(scale=variance**0.5, size=samples.shape), rate)
             for method, scenario in scenarios.items():
-                data, places = track(noisy, ARRAY, scenario=scenario).data, highest[method]
+                data, places = ft.track(noisy, scenario).data.isel(slot=0), highest[method]
                 for name, (start, end, bearing) in SOURCES.items():
                     there = data.sel(time=slice(start, end))
                     off = np.abs((there.bearing - bearing + 180) % 360 - 180)

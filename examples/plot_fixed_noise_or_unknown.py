@@ -21,13 +21,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import faintrack as ft
-from faintrack.data.recording import from_samples
-from faintrack.scenario import Scenario
-from faintrack.sensors.array import sensor_array
 from faintrack.simulation.samples import Source, draw_samples
 
 positions = np.array([[-66.5, -44.5], [-32.5, 77.8], [88.2, -22.1], [10.8, -11.1]])
-array = sensor_array(positions, sound_speed=345.0, channel_names=("BRP1", "BRP2", "BRP3", "BRP4"))
+array = ft.sensor_array(positions, sound_speed=345.0, channel_names=("BRP1", "BRP2", "BRP3", "BRP4"))
 
 folders = (folder / "shared/data/infrasound_array" for folder in Path.cwd().parents)
 folder = next((folder for folder in folders if folder.exists()), None)
@@ -40,17 +37,18 @@ else:
     drawn = draw_samples(array, [source], duration=1200.0, sample_rate=100.0, noise_slope_db=-6.0)
     samples = np.concatenate(list(drawn))
     level_db = 8.0 * np.sin(2 * np.pi * np.arange(len(samples)) / len(samples) - np.pi / 2)
-    recording = from_samples(samples * 10 ** (level_db[:, None] / 20), 100.0)
+    recording = ft.from_samples(samples * 10 ** (level_db[:, None] / 20), 100.0)
     sources_deg, source_times = (-110.0,), ((570, 800),)
 
 # %%
-# Two runs that differ in one table
-# ---------------------------------
+# Two runs that differ in one section
+# -----------------------------------
 
-fixed = Scenario.model_validate({"likelihood": {"kind": "known_noise", "noise_seconds": 60.0}})
+scenario = ft.Scenario(array=array, analysis={"band": [0.5, 2.5], "frame": 5.0})
+fixed = {"kind": "known_noise", "noise_seconds": 60.0}
 results = {
-    "noise power held from the first minute": ft.track(recording, array, band=(0.5, 2.5), frame=5.0, scenario=fixed),
-    "noise power integrated out": ft.track(recording, array, band=(0.5, 2.5), frame=5.0),
+    "noise power held from the first minute": ft.track(recording, scenario, likelihood=fixed),
+    "noise power integrated out": ft.track(recording, scenario),
 }
 
 # %%
@@ -92,7 +90,8 @@ style = {
 }
 for name, result in results.items():
     evidence_axes.plot(time, result.data.log_evidence, linewidth=0.9, color=style[name]["color"])
-    bearing_axes.plot(time, result.bearing, linestyle="none", label=name, **style[name])
+    data = result.data.isel(slot=0)
+    bearing_axes.plot(time, data.bearing.where(data.label > 0), linestyle="none", label=name, **style[name])
 evidence_axes.set_yscale("symlog", linthresh=1.0)
 evidence_axes.set(ylabel="log evidence of\neach frame (nat)")
 for known in sources_deg:
