@@ -5,8 +5,10 @@ stretch of samples. A file of a day and an array in memory are the same thing to
 block, so memory does not grow with the length of a recording.
 """
 
-from collections.abc import Callable, Iterator
+import datetime
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -59,23 +61,24 @@ class Recording:
 
 
 def from_samples(
-    samples: np.ndarray,
+    samples: Any,
     sample_rate: float,
-    channel_names: tuple[str, ...] | None = None,
-    start_time: np.datetime64 | None = None,
+    channel_names: Iterable[str] | None = None,
+    start_time: np.datetime64 | datetime.datetime | str | None = None,
 ) -> Recording:
     """Recording of samples in memory.
 
     Parameters
     ----------
-    samples : shape (time, channel).
+    samples : shape (time, channel), real; where they are masked they are NaN.
     sample_rate : Hz.
     channel_names : one for each column; "0", "1", ... where not given.
     start_time : time of the first sample in UTC.
 
     Raises
     ------
-    InputError : the array has not two axes, or the names do not fit the columns.
+    InputError : the array has not two axes or no real numbers, the names do not fit the columns, or the rate or the
+        start is none.
 
     Examples
     --------
@@ -84,10 +87,55 @@ def from_samples(
     >>> recording.duration, recording.channel_names
     (3.0, ('0', '1'))
     """
-    samples = np.asarray(samples)
+    samples = as_array(samples, "samples")
     if samples.ndim != 2:
         raise InputError(f"samples have shape {samples.shape}; expected two axes, (time, channel).")
-    names = tuple(str(i) for i in range(samples.shape[1])) if channel_names is None else channel_names
+    names = tuple(str(i) for i in range(samples.shape[1])) if channel_names is None else tuple(map(str, channel_names))
     if len(names) != samples.shape[1]:
         raise InputError(f"there are {len(names)} channel names for {samples.shape[1]} columns of samples.")
-    return Recording(lambda start, stop: samples[start:stop], len(samples), sample_rate, names, start_time)
+    try:
+        rate = float(sample_rate)
+    except (TypeError, ValueError):
+        raise InputError(f"the sample rate is {str(sample_rate)[:80]!r}; expected a number above 0 Hz.") from None
+    try:
+        start = None if start_time is None else np.datetime64(_without_zone(start_time), "ns")
+    except (TypeError, ValueError):
+        raise InputError(f"start_time is {str(start_time)[:80]!r}; expected a time in UTC.") from None
+    return Recording(lambda start, stop: samples[start:stop], len(samples), rate, names, start)
+
+
+def _without_zone(moment: Any) -> Any:
+    """A time in UTC without its zone, which NumPy does not know."""
+    if isinstance(moment, datetime.datetime) and moment.tzinfo is not None:
+        return moment.astimezone(datetime.UTC).replace(tzinfo=None)
+    return moment.removesuffix("Z").removesuffix("+00:00") if isinstance(moment, str) else moment
+
+
+def as_array(values: Any, name: str) -> np.ndarray:
+    """Real numbers as an array, NaN where they are masked.
+
+    Parameters
+    ----------
+    values : anything that NumPy makes an array of.
+    name : of the values, for the message.
+
+    Raises
+    ------
+    InputError : they are no numbers, or complex.
+
+    Examples
+    --------
+    >>> as_array(np.ma.masked_array([1, 2], mask=[False, True]), "samples").tolist()
+    [1.0, nan]
+    """
+    array = values if np.ma.isMaskedArray(values) else np.asarray(values)
+    if array.dtype.kind == "c":
+        raise InputError(
+            f"{name} hold {array.dtype}; expected real numbers. Complex samples of coherent receivers need a "
+            "beamformer of both sides of the spectrum, which there is not yet."
+        )
+    if array.dtype.kind not in "biuf":
+        raise InputError(f"{name} hold {array.dtype}; expected real numbers.")
+    if np.ma.isMaskedArray(array):
+        return array.astype(np.promote_types(array.dtype, np.float32)).filled(np.nan)
+    return array

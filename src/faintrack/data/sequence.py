@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faintrack.beliefs.axis import Axis, Lattice
+from faintrack.data.recording import as_array
 from faintrack.errors import InputError
 
 
@@ -63,7 +64,7 @@ def from_frames(
 
     Parameters
     ----------
-    frames : as many axes as the cells have, after one of the frames.
+    frames : as many axes as the cells have, after one of the frames; where they are masked they are NaN.
     times : seconds; one second apart from 0 where not given.
     axes : as `Sequence.axes`; where not given the cells of an image (y, x), or of a profile (range), numbered from 0.
 
@@ -77,7 +78,7 @@ def from_frames(
     >>> sequence.shape, float(sequence.times[-1])
     ((20, 30), 4.0)
     """
-    frames = np.asarray(frames)
+    frames = as_array(frames, "frames")
     times = np.arange(len(frames), dtype=float) if times is None else np.asarray(times, float)
     if axes is None:
         names = {2: ("range",), 3: ("y", "x")}.get(frames.ndim)

@@ -95,6 +95,8 @@ def _require_samples(path: Path, samples: Any) -> None:
     require_channels(int(channels), f"{path}: time_data")
     if length == 0 or channels == 0:
         raise InputError(f"{path}: there are no samples.")
+    if channels > max(length, 64):
+        raise InputError(f"{path}: time_data has shape {samples.shape}; expected (time, channel), the other way round.")
     if length > limits.MOST_SAMPLES:
         raise InputError(f"{path}: time_data tells of {length} samples; expected at most {limits.MOST_SAMPLES}.")
 

@@ -11,6 +11,7 @@ tell (`faintrack.io.clocks`), and where a run begins between two samples of the 
 
 import io
 import warnings
+from array import array
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -24,12 +25,11 @@ from faintrack.errors import InputError
 from faintrack.io import limits
 from faintrack.io.checks import reader, require_channels, require_file, require_rate
 from faintrack.io.clocks import Places, interpolated, places
-from faintrack.io.seed import require_sound
-from faintrack.io.seismic import obspy_module, utc_of
+from faintrack.io.seed import Record, records
+from faintrack.io.seismic import obspy_module
 
 # Bytes that are decoded at a time: small against memory, large against the cost of one call of ObsPy (1 ms).
-# Records are a power of two long and no longer than this, so a piece ends where a record ends.
-_PIECE = 2**18
+_PIECE = 2**17
 # A rate that is further off than this is another rate, not a clock that runs fast.
 _OFF_RATE = 1e-3
 # Time stamps of miniSEED have this resolution where no microseconds are told; seconds.
@@ -38,20 +38,29 @@ _RESOLUTION = 1e-4
 
 @dataclass
 class _Run:
-    """Unbroken samples of one channel: traces that ObsPy finds in pieces of the file, one after the other."""
+    """Unbroken samples of one channel: records one after the other, which need not be neighbours in the file."""
 
     channel: str
     rate: float
-    pieces: list[tuple[int, int]] = field(default_factory=list)  # piece, and number of the trace in it
-    begins: list[int] = field(default_factory=list)  # of each trace, in samples of the run
-    stamps: list[np.datetime64] = field(default_factory=list)
+    begins: array = field(default_factory=lambda: array("q"))  # of each record, in samples of the run
+    stamps: array = field(default_factory=lambda: array("q"))  # of each record; nanoseconds since 1970
+    at: array = field(default_factory=lambda: array("q"))  # place of each record in the file; bytes
+    sizes: array = field(default_factory=lambda: array("q"))
     length: int = 0
     places: Places = field(init=False)
 
     @property
-    def due(self) -> np.datetime64:
-        """When the next sample is due, as the last stamp and the nominal rate tell."""
-        return self.stamps[-1] + np.timedelta64(round((self.length - self.begins[-1]) / self.rate * 1e9), "ns")
+    def due(self) -> float:
+        """When the next sample is due, as the last stamp and the nominal rate tell; nanoseconds."""
+        return self.stamps[-1] + (self.length - self.begins[-1]) / self.rate * 1e9
+
+    def append(self, record: Record) -> None:
+        """Add the record that follows."""
+        self.begins.append(self.length)
+        self.stamps.append(record.time)
+        self.at.append(record.place)
+        self.sizes.append(record.length)
+        self.length += record.samples
 
 
 @reader("miniSEED")
@@ -64,64 +73,33 @@ def open_miniseed(path: Path) -> Recording:
     """
     require_file(path)
     decode = obspy_module("obspy", path).read
-    size = path.stat().st_size
-
-    def traces(piece: int, headonly: bool) -> Sequence[Any]:
-        with path.open("rb") as file:
-            file.seek(piece * _PIECE)
-            content = file.read(_PIECE)
-        require_sound(path, content, piece * _PIECE)
-        with warnings.catch_warnings(record=True) as heard:
-            warnings.simplefilter("always")
-            found = list(decode(io.BytesIO(content), format="MSEED", headonly=headonly))
-        used = sum(t.stats.mseed.number_of_records * t.stats.mseed.record_length for t in found)
-        if used != len(content):
-            place = f"{used} of the {len(content)} bytes from byte {piece * _PIECE}"
-            raise InputError(f"{path} is damaged or cut short: only {place} are records.")
-        said = [
-            str(w.message) for w in heard if "integrity" in str(w.message).lower() or "steim" in str(w.message).lower()
-        ]
-        if said:
-            raise InputError(f"{path} is damaged: {len(said)} records from byte {piece * _PIECE} on fail their check.")
-        return found
-
-    pieces = range(-(-size // _PIECE))
-    runs, rate = _index(path, pieces, lambda piece: traces(piece, True))
+    runs, rate = _index(path)
     channels = tuple(dict.fromkeys(run.channel for run in runs))
     require_channels(len(channels), path)
     first = min(run.stamps[0] for run in runs)
     for run in runs:
-        stamps = (np.array(run.stamps) - first) / np.timedelta64(1, "ns") * (rate / 1e9)
+        stamps = (np.array(run.stamps) - first) * (rate / 1e9)
         run.places = places(np.array(run.begins), stamps, run.length, rate / run.rate, _RESOLUTION * rate)
     begin = min(run.places.start for run in runs)
     end = max(run.places.stop for run in runs)
-    if end - begin > limits.MOST_SAMPLES:
-        raise InputError(f"{path} reaches over {end - begin} samples; expected at most {limits.MOST_SAMPLES}.")
-    if end - begin > 1000 * sum(run.length for run in runs):
+    held = sum(run.length for run in runs)
+    if end - begin > min(1000 * held, limits.MOST_SAMPLES):
         raise InputError(
-            f"{path} reaches over {(end - begin) / rate:.6g} s, of which {sum(run.length for run in runs)} samples are "
-            "there; expected fewer gaps."
+            f"{path} reaches over {(end - begin) / rate:.6g} s, of which {held} samples are there; expected fewer gaps."
         )
     _require_common_time(path, runs, channels)
 
     def read_samples(start: int, stop: int) -> np.ndarray:
         start, stop = start + begin, stop + begin
         samples = np.full((stop - start, len(channels)), np.nan, np.float32)
-        decoded: dict[int, Sequence[Any]] = {}
-
-        def of_piece(piece: int) -> Sequence[Any]:
-            if piece not in decoded:
-                if len(decoded) > 8:
-                    decoded.pop(next(iter(decoded)))
-                decoded[piece] = traces(piece, False)
-            return decoded[piece]
-
-        wanted = [run for run in runs if run.places.start < stop and run.places.stop > start]
-        for run in sorted(wanted, key=lambda run: run.pieces[0]):
+        # In the order of the file: of samples that stand there twice the later count.
+        for run in runs:
             low, high = max(start, run.places.start), min(stop, run.places.stop)
+            if low >= high:
+                continue
 
             def own(first: int, last: int, run: _Run = run) -> np.ndarray:
-                return _samples(run, first, last, of_piece)
+                return _samples(path, run, first, last, decode)
 
             if run.places.plain:
                 values = own(low - run.places.start, high - run.places.start)
@@ -130,50 +108,68 @@ def open_miniseed(path: Path) -> Recording:
             samples[low - start : high - start, channels.index(run.channel)] = values
         return samples
 
-    start_time = first + np.timedelta64(round(begin / rate * 1e9), "ns")
+    start_time = np.datetime64(first, "ns") + np.timedelta64(round(begin / rate * 1e9), "ns")
     remarks = _remarks(runs, channels, rate, begin, end)
     return Recording(read_samples, end - begin, rate, channels, start_time, str(path), remarks)
 
 
-def _samples(run: _Run, start: int, stop: int, traces: Callable[[int], Sequence[Any]]) -> np.ndarray:
-    """Samples of a run, put together from its traces."""
-    parts = []
-    for number in range(bisect_right(run.begins, start) - 1, len(run.begins)):
-        begin = run.begins[number]
-        if begin >= stop:
-            break
-        piece, order = run.pieces[number]
-        parts.append(np.asarray(traces(piece)[order].data[max(start - begin, 0) : stop - begin]))
+def _samples(path: Path, run: _Run, start: int, stop: int, decode: Callable[..., Sequence[Any]]) -> np.ndarray:
+    """Samples of a run, decoded from its records."""
+    number, last = bisect_right(run.begins, start) - 1, bisect_right(run.begins, stop - 1)
+    parts: list[np.ndarray] = []
+    with path.open("rb") as file:
+        while number < last:
+            first, content = number, []
+            while number < last and sum(map(len, content)) < _PIECE:
+                file.seek(run.at[number])
+                content.append(file.read(run.sizes[number]))
+                number += 1
+            begin = run.begins[first]
+            expected = (run.begins[number] if number < len(run.begins) else run.length) - begin
+            values = _decoded(path, b"".join(content), run.at[first], decode)
+            if len(values) != expected:
+                raise InputError(
+                    f"{path} is damaged: {len(values)} of {expected} samples can be unpacked from byte {run.at[first]}."
+                )
+            parts.append(values[max(start - begin, 0) : max(stop - begin, 0)])
     return np.concatenate(parts) if parts else np.empty(0, np.float32)
 
 
-def _index(path: Path, pieces: range, headers: Callable[[int], Sequence[Any]]) -> tuple[list[_Run], float]:
-    """Every unbroken run of the file, and the rate of all."""
+def _decoded(path: Path, content: bytes, place: int, decode: Callable[..., Sequence[Any]]) -> np.ndarray:
+    """Samples of records that follow on each other."""
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        found = sorted(decode(io.BytesIO(content), format="MSEED"), key=lambda trace: trace.stats.starttime.ns)
+    # Steim keeps the last sample of a record twice.
+    said = [str(warning.message) for warning in heard if "ntegrity" in str(warning.message)]
+    if said:
+        raise InputError(f"{path} is damaged: {len(said)} records from byte {place} on fail their check.")
+    return np.concatenate([np.asarray(trace.data) for trace in found]).astype(np.float32)
+
+
+def _index(path: Path) -> tuple[list[_Run], float]:
+    """Every unbroken run of the file in the order of their first records, and the rate of all."""
     runs: list[_Run] = []
     latest: dict[str, _Run] = {}
     rate = 0.0
-    for piece in pieces:
-        for order, trace in enumerate(headers(piece)):
-            stats = trace.stats
-            if not stats.sampling_rate or stats.mseed.encoding == "ASCII" or not stats.npts:
-                continue  # a log, not a signal
-            time, own = utc_of(stats.starttime), require_rate(float(stats.sampling_rate), f"{path}: {trace.id}")
-            if not limits.FIRST_YEAR <= stats.starttime.year <= limits.LAST_YEAR:
-                raise InputError(f"{path}: {trace.id} has samples of the year {stats.starttime.year}.")
-            rate = rate or own
-            if abs(own - rate) > _OFF_RATE * rate:
-                raise InputError(
-                    f"{path}: {trace.id} has {own} Hz and {runs[0].channel} {rate} Hz; expected one sample rate."
-                )
-            run = latest.get(trace.id)
-            # Within half a sample a record follows on the last: clocks drift and time stamps are rounded.
-            if run is None or not abs((time - run.due) / np.timedelta64(1, "s")) * rate < 0.5 or own != run.rate:
-                run = latest[trace.id] = _Run(trace.id, own)
-                runs.append(run)
-            run.pieces.append((piece, order))
-            run.begins.append(run.length)
-            run.stamps.append(time)
-            run.length += int(stats.npts)
+    for record in records(path):
+        if not record.samples:
+            continue  # a log, not a signal
+        require_rate(record.rate, f"{path}: {record.channel}")
+        rate = rate or record.rate
+        if abs(record.rate - rate) > _OFF_RATE * rate:
+            raise InputError(
+                f"{path}: {record.channel} has {record.rate} Hz and {runs[0].channel} {rate} Hz; "
+                "expected one sample rate."
+            )
+        run = latest.get(record.channel)
+        # Within half a sample a record follows on the last: clocks drift and time stamps are rounded.
+        if run is None or abs(record.time - run.due) * 1e-9 * rate >= 0.5 or record.rate != run.rate:
+            run = latest[record.channel] = _Run(record.channel, record.rate)
+            runs.append(run)
+            if len(runs) > limits.MOST_FILES:
+                raise InputError(f"{path} holds more than {limits.MOST_FILES} stretches; expected fewer gaps.")
+        run.append(record)
     if not runs:
         raise InputError(f"{path} holds no samples.")
     return runs, rate

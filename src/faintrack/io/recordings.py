@@ -4,7 +4,7 @@ Only headers are read when a file is opened, and three short stretches of severa
 `Recording.read` then fetches the samples of one stretch, so a day of data needs no more memory than a second of it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,7 +34,7 @@ _SEISMIC = (open_sac, open_miniseed)
 _PROBE, _CHANGES = 1024, 32
 
 
-def read(*paths: str | Path, start_pattern: str | None = None) -> Recording:
+def read(*paths: str | Path | Iterable[str | Path], start_pattern: str | None = None) -> Recording:
     """Recording of one file, or of several with their channels side by side.
 
     Parameters
@@ -66,7 +66,7 @@ def read(*paths: str | Path, start_pattern: str | None = None) -> Recording:
     """
     if not paths:
         raise InputError("there is no file to read a recording from.")
-    files = [Path(path) for path in paths]
+    files = [Path(path) for given in paths for path in (given if isinstance(given, list | tuple) else (given,))]
     readers = [_reader(file) for file in files]
     _require_different(files)
     parts = [reader(file) for reader, file in zip(readers, files, strict=True)]

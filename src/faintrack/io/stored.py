@@ -149,7 +149,7 @@ def _require_sources(path: Path, field: str, dataset: Any) -> None:
                 shape = held[source.dset_name].shape
         except Exception as error:
             raise InputError(f"{field} is put together from other files, and {where} is not there.") from error
-        if source.src_space.extent_type != h5py.h5s.NULL and tuple(source.src_space.shape) != tuple(shape):
+        if tuple(source.src_space.shape) not in ((), tuple(shape)):
             raise InputError(f"{field} is put together from {where}, which has shape {shape} and not as it should.")
         covered += source.vspace.get_select_npoints()
     if covered < math.prod(dataset.shape):
