@@ -1,20 +1,15 @@
-r"""Returns of an active sonar, drawn without drawing the bins that stay quiet.
-
-Bins exceed the threshold independently. Among those that no target reaches the next exceedance is a geometric number of
-bins away, so that a ping costs as many draws as it has returns; the bins around a target are drawn one by one. What
-comes out is distributed exactly as if every bin had been drawn, with the mean powers of `faintrack.sensors.active`.
-"""
+"""Returns of an active sonar: a ping at a time, and the room that it needs; see `faintrack.sensors.active_draws`."""
 
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.sensors.active import Ping
+from faintrack.sensors.active_draws import draw_returns
 from faintrack.sensors.bistatic import Bistatic
 
 
@@ -45,40 +40,8 @@ def draw_ping(
     The ping, and how many returns, at least, it had no entry for: those with the longest delays. Above 0 the draw is
     not what was asked for, and the capacity too small.
     """
-    sonar = likelihood.sonar
-    ping = Ping(time, jnp.zeros((0, 3), jnp.int32), jnp.zeros(0), jnp.zeros(0, bool), pair)
-    for_gaps, for_power, for_target = jax.random.split(key, 3)
-    # One more than there are entries: where it still lies in a bin of the sonar, returns are missing.
-    clutter = _clutter(for_gaps, sonar.size, likelihood.threshold, capacity + 1)
-    missing = clutter[-1] < sonar.size
-    quiet_power = likelihood.threshold + jax.random.exponential(for_power, (capacity + 1,))
-
-    delay, beam, shift = sonar.place(sonar.geometry(ping), state)
-    near, off = [], []
-    for value, reach in zip((delay, beam, shift), sonar.reach, strict=True):
-        number = jnp.floor(value).astype(jnp.int32) + np.arange(-reach, reach + 2)
-        near.append(number)
-        off.append(number - value)
-    bins = jnp.stack(jnp.meshgrid(*near, indexing="ij"), axis=-1).reshape(-1, 3)
-    response = sonar.response(off[0][:, None, None], off[1][None, :, None], off[2][None, None, :]).ravel()
-    bins = bins.at[:, 1].set(bins[:, 1] % sonar.beams)
-    reached = (response > 0) & ((bins >= 0) & (bins < jnp.array(sonar.shape))).all(axis=1)
-    reached = reached & present & sonar.heard(delay, shift)
-    power = (1 + likelihood.snr * response) * jax.random.exponential(for_target, response.shape)
-    flat = _flat(bins, sonar.shape)
-    echo = jnp.where(reached & (power > likelihood.threshold), flat, sonar.size)
-
-    # In the bins that the target reaches its own draws count, not those of the clutter.
-    taken = jnp.where(reached, flat, sonar.size)
-    clutter = jnp.where((clutter[:, None] == taken).any(axis=1), sonar.size, clutter)
-    every, power = jnp.concatenate([clutter, echo]), jnp.concatenate([quiet_power, power])
-    order = jnp.argsort(every)
-    there = every[order] < sonar.size
-    chosen = order[:capacity]
-    kept = every[chosen] < sonar.size
-    at = jnp.stack(jnp.unravel_index(jnp.where(kept, every[chosen], 0), sonar.shape), axis=-1).astype(jnp.int32)
-    lost = jnp.maximum(there[capacity:].sum(), missing)
-    return Ping(time, at, jnp.where(kept, power[chosen], 0), kept, pair), lost
+    empty = Ping(time, jnp.zeros((capacity, 3), jnp.int32), jnp.zeros(capacity), jnp.zeros(capacity, bool), pair)
+    return draw_returns(key, likelihood.sonar, likelihood.snr, likelihood.threshold, empty, state, present)
 
 
 def capacity_for(likelihood: ExceedanceLikelihood) -> int:
@@ -90,16 +53,3 @@ def capacity_for(likelihood: ExceedanceLikelihood) -> int:
     echo = np.exp(-likelihood.threshold / (1 + float(likelihood.snr) * response)).sum()
     expected = clutter + echo
     return int(16 * np.ceil((expected + 5 * np.sqrt(expected) + 8) / 16))
-
-
-def _clutter(key: PRNGKeyArray, size: int, threshold: float, capacity: int) -> Int[Array, " return"]:
-    """Bins that exceed the threshold without a target, ascending; `size` where there is none."""
-    quiet = -np.log1p(-np.exp(-threshold))
-    gaps = jnp.floor(jax.random.exponential(key, (capacity,)) / quiet)
-    # Beyond the last bin nothing is counted; so many capacities still fit into a whole number.
-    gaps = jnp.minimum(gaps, min(size, (2**31 - 1) // capacity - 1)).astype(jnp.int32)
-    return jnp.minimum(jnp.cumsum(gaps + 1) - 1, size)
-
-
-def _flat(bins: Int[Array, "bin 3"], shape: tuple[int, int, int]) -> Int[Array, " bin"]:
-    return (bins[:, 0] * shape[1] + bins[:, 1]) * shape[2] + bins[:, 2]

@@ -1,4 +1,4 @@
-"""Sets of bearings: the target's, where it is detected, among false ones."""
+"""Sets of bearings drawn: the target's, where it is detected, among false ones."""
 
 from typing import Any
 
