@@ -15,6 +15,14 @@ BEARING_AGREEMENT = np.radians(4.0)
 one window at one sound speed. The array spans 0.7 of a wavelength at the middle of the band, so that the beam is about
 80 degrees wide: this is a twentieth of it."""
 
+RATIO_OPERATIONS = 100
+"""Roundings in one log ratio of the small scenes: a sum over channels, snapshots and bins, or over cells, and four
+neighbours along each axis of a table."""
+
+RATIO_AGREEMENT = 2e-4
+"""Between log ratios in single and double precision, relative and absolute: `RATIO_OPERATIONS` roundings of terms as
+large as 10, 100 * 1.2e-7 * 10 = 1.2e-4, and those of the scan's time and place."""
+
 FAR = 1e7
 """Metres to a point source that stands for a plane wave. Over an array that reaches d = 0.8 m from its middle the
 wavefront bends by d^2 / (2 FAR) = 3e-8 m, more than the 2e-9 m to which double precision rounds such a distance."""

@@ -13,8 +13,8 @@ from scipy.stats import norm, poisson
 from faintrack.errors import InputError
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
 from faintrack.likelihoods.contacts import Together
+from faintrack.sensors.bearing_draws import draw_bearing_set
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets, bearing_set
-from faintrack.simulation.bearing_sets import draw_bearing_set
 from faintrack.targets.states import PlanarState
 from tests.tolerances import STANDARD_ERRORS, errors_apart, rounding
 

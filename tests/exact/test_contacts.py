@@ -49,7 +49,7 @@ def likelihoods() -> dict[str, object]:
 
 
 def draw(likelihood: object, states: PlanarState, present: bool) -> Contact:
-    one = eqx.filter_jit(jax.vmap(lambda key: likelihood.simulate(key, jnp.array(0.0), states, present)))
+    one = eqx.filter_jit(jax.vmap(lambda key: likelihood.simulate(contact(0.0), states, present, key)))
     return one(jax.random.split(jax.random.key(1), DRAWS))
 
 

@@ -14,8 +14,8 @@ from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.existence_particle import ExistenceParticleFilter, OfPossible, PossibleState, of_target
 from faintrack.filters.run import run
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
+from faintrack.sensors.bearing_draws import draw_bearing_set
 from faintrack.sensors.bearing_sets import BearingSensor
-from faintrack.simulation.bearing_sets import draw_bearing_set
 from faintrack.targets.births import NormalBirth
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState

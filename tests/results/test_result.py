@@ -120,7 +120,9 @@ def on_earth() -> xr.Dataset:
     dataset = estimated(2.0 * np.arange(4), say, planar())
     dataset["latitude"] = ("time", "slot"), 36 + 1e-3 * count, {"units": "degree"}
     dataset["longitude"] = ("time", "slot"), -5 + 2e-3 * count, {"units": "degree"}
-    return dataset.assign_attrs(source="test", start_time="2020-05-01T00:00:00Z", first_scan_time=0.0, scan_interval=2.0)
+    return dataset.assign_attrs(
+        source="test", start_time="2020-05-01T00:00:00Z", first_scan_time=0.0, scan_interval=2.0
+    )
 
 
 def test_tracks_as_geojson(on_earth: xr.Dataset, tmp_path: Path) -> None:

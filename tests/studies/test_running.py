@@ -168,15 +168,17 @@ def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_control_c_keeps_what_is_finished(tmp_path: Path) -> None:
     path = tmp_path / "interrupted"
-    command = [sys.executable, "-m", "faintrack.cli", "study", "run", WHERE, "--workers", "1", "--runs", "4000"]
-    # Whoever runs the tests in the background has Ctrl-C ignored, and children inherit that.
+    # Whoever runs the tests in the background has Ctrl-C ignored, and children inherit that. It is undone in the child
+    # itself: `preexec_fn` would fork this process beside JAX's threads.
+    listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    main = f"{listening}; from faintrack.cli import main; main()"
+    command = [sys.executable, "-c", main, "study", "run", WHERE, "--workers", "1", "--runs", "4000"]
     process = subprocess.Popen(
         [*command, "--out", str(path)],
         cwd=ROOT,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     finished = path / "runs.zarr" / "long" / "done" / "0"
     end = time.monotonic() + 60

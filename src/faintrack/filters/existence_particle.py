@@ -25,7 +25,6 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief
 from faintrack.filters.bernoulli_particle import Resample
-from faintrack.likelihoods.protocols import Likelihood
 from faintrack.numerics.draws import uniform
 from faintrack.numerics.resampling import systematic
 from faintrack.targets.target import Target
@@ -52,11 +51,15 @@ class OfPossible(eqx.Module):
     likelihood : of a target's state.
     """
 
-    likelihood: Likelihood
+    likelihood: Any
 
     def log_ratio(self, scan: Any, states: PossibleState) -> Float[Array, "..."]:
         """That of the likelihood where there is a target, 0 where there is none."""
         return jnp.where(states.present, self.likelihood.log_ratio(scan, states.state), 0)
+
+    def simulate(self, scan: Any, states: PossibleState, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Any:
+        """Scan with the target of a truth that has one, otherwise noise alone."""
+        return self.likelihood.simulate(scan, states.state, present & states.present, key)
 
 
 class ExistenceParticleFilter(eqx.Module):

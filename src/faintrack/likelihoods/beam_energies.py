@@ -33,12 +33,14 @@ target is below 1: it is careful by construction. What one of several arrays hea
 an array by itself has nobody to ask, and its ratio is that of eq. 15.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.errors import InputError
 from faintrack.numerics.precision import full_precision
@@ -123,6 +125,27 @@ class BeamEnergies(eqx.Module):
         states : positions in the plane, or states with a bearing.
         """
         return jnp.sum(in_beams(self.table(scan)[:, :, 1], self.fans.beams(scan.stations, states)), axis=0)
+
+    def energies(self, targets: Int[Array, "*scan array beam"], key: PRNGKeyArray) -> Float[Array, "*scan array beam"]:
+        """Draw the energy of every beam, given the number of targets in it."""
+        mean, std, one_mean, one_std = (jnp.reshape(jnp.asarray(getattr(self, name)), (-1, 1)) for name in LEVELS)
+        noise = jax.random.normal(key, (targets.size,)).reshape(targets.shape)
+        return mean + targets * (one_mean - mean) + jnp.sqrt(std**2 + targets * (one_std**2 - std**2)) * noise
+
+    def simulate(self, scan: EnergyScan, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> EnergyScan:
+        """Scan drawn from the module's densities; beams that were not measured stay so.
+
+        Parameters
+        ----------
+        scan : where the arrays are, and which beams were measured.
+        states : of a target; scalars.
+        present : whether it is there.
+        key : random key.
+        """
+        number = jnp.arange(scan.energy.shape[-1])
+        beams = self.fans.beams(scan.stations, states)
+        energy = self.energies(((beams[:, None] == number) & present).astype(jnp.int32), key)
+        return dataclasses.replace(scan, energy=energy.astype(scan.energy.dtype))
 
 
 LEVELS = ("absent_mean", "absent_std", "present_mean", "present_std")

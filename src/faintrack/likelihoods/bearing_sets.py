@@ -21,6 +21,7 @@ That is the full form with :math:`P_D = 1` over :math:`n / M_c`: that there are 
 sign of a target. A scan without bearings rules the target out in the published form.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -30,6 +31,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.likelihoods.bearing_proposal import along_bearings, where_bearings_agree, where_likely
 from faintrack.numerics.trigonometry import arctan2
+from faintrack.sensors.bearing_draws import draw_bearing_set
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
 from faintrack.targets.births import RangeBirth
 from faintrack.targets.states import PlanarState
@@ -119,6 +121,21 @@ class BearingSetLikelihood(eqx.Module):
             return along_bearings(self, scan, birth, key, count)
         return where_likely(self, scan, birth, key, count)
 
+    def simulate(
+        self, scan: BearingSet, states: PlanarState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+    ) -> BearingSet:
+        """Bearings drawn from the full form, published or not; those that find no entry are left out.
+
+        Parameters
+        ----------
+        scan : time, observer and number of entries.
+        states : of a target; scalars.
+        present : whether it is there.
+        key : random key.
+        """
+        entries = len(scan.bearing)
+        return draw_bearing_set(key, self.sensor, entries, scan.time, scan.observer, states, present)[0]
+
     def _terms(self, scan: BearingSet, states: Any) -> tuple[Array, Array, Array]:
         """Logs of the terms of the full ratio: of a target that was missed, of each entry; whether in the sector."""
         sensor = self.sensor
@@ -154,6 +171,15 @@ class ObserversLikelihood(eqx.Module):
     ) -> tuple[PlanarState, Float[Array, " count"]]:
         """New targets where the bearings of all observers agree, see `faintrack.likelihoods.bearing_proposal`."""
         return where_bearings_agree(self, scan, birth, key, count)
+
+    def simulate(
+        self, scan: ObserverSets, states: PlanarState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+    ) -> ObserverSets:
+        """What all observers report of one target; one that did not report has nothing."""
+        keys = jax.random.split(key, scan.heard.shape[-1])
+        sets = jax.vmap(lambda each, key: self.each.simulate(each, states, present, key))(scan.sets, keys)
+        there = sets.there & scan.heard[:, None]
+        return dataclasses.replace(scan, sets=dataclasses.replace(sets, there=there))
 
     @eqx.filter_jit
     def association(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:

@@ -16,6 +16,7 @@ power spreads with h squared.
 With spread, `swerling1` lets the power fluctuate in every cell by itself.
 """
 
+import dataclasses
 import functools
 import itertools
 from collections.abc import Callable
@@ -24,10 +25,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
+from faintrack.likelihoods.cell_values import Draw, gaussian_value, rayleigh_value, swerling0_value, swerling1_value
 from faintrack.sensors.cells import Cells, CellScan
 
 Amplitude = Callable[[Array, Array], Array]
@@ -135,6 +137,15 @@ def rayleigh(envelope: Float[Array, "..."], snr: Float[Array, "..."] | float) ->
     1.3069
     """
     return swerling1(envelope * envelope / 2, snr)
+
+
+VALUES: dict[Amplitude, Draw] = {
+    gaussian: gaussian_value,
+    swerling1: swerling1_value,
+    swerling0: swerling0_value,
+    rayleigh: rayleigh_value,
+}
+"""What draws the values that an amplitude model is the ratio of; a model may also have a method `draw`."""
 
 
 def point(*offsets: np.ndarray) -> np.ndarray:
@@ -271,6 +282,34 @@ class CellLikelihood(eqx.Module):
         reached = functools.reduce(jnp.logical_and, [(each >= 0) & (each <= 2 * self.reach) for each in away])
         near = tuple(jnp.clip(each, 0, 2 * self.reach) for each in away)
         return jnp.where(inside & reached, jnp.asarray(self.shares)[position + near], 0) * self.level
+
+    @property
+    def draw(self) -> Draw:
+        """Draws the value of every cell, from a key and the levels.
+
+        Raises
+        ------
+        InputError : nothing is known about how to draw values of the amplitude model.
+        """
+        draw = getattr(self.amplitude, "draw", VALUES.get(self.amplitude))
+        if draw is None:
+            name = getattr(self.amplitude, "__name__", self.amplitude)
+            known = ", ".join(amplitude.__name__ for amplitude in VALUES)
+            raise InputError(f"amplitude {name}: there is no simulation of it; expected one of {known}.")
+        return draw
+
+    def simulate(self, scan: CellScan, states: object, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> CellScan:
+        """Frame drawn from the module's model; cells without a value (NaN) stay so.
+
+        Parameters
+        ----------
+        scan : frame whose values are drawn anew.
+        states : of a target; scalars. It counts as lying at the nearest of `places`.
+        present : whether it is there.
+        key : random key.
+        """
+        values = self.draw(key, jnp.where(present, self.levels(states), 0).astype(scan.values.dtype))
+        return dataclasses.replace(scan, values=jnp.where(jnp.isnan(scan.values), jnp.nan, values))
 
     def table(self, scan: CellScan) -> Float[Array, "..."]:
         """Log ratio at every one of the `places`; a cell whose value is not a number (NaN) says nothing."""

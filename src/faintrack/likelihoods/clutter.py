@@ -17,11 +17,13 @@ For n to infinity it is `faintrack.likelihoods.cells.swerling1` at z over the le
 strong echo tells: never more than :math:`n \log(1 + s)`. Source of the problem: stone2002, section 4.2.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.sensors.cells import Cells
 from faintrack.signal.clutter import ClutterScan, Level
@@ -102,3 +104,16 @@ class ClutterLikelihood(eqx.Module):
         """Natural log of p(scan | target at state) / p(scan | no target); 0 for a state outside all cells."""
         place, inside = self.cells.nearest(states)
         return jnp.where(inside, self.table(scan)[place], 0)
+
+    def simulate(
+        self, scan: ClutterScan, states: object, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+    ) -> ClutterScan:
+        """Frame whose mean levels are drawn from what is known of them, with a target in one cell or without."""
+        for_level, for_speckle = jax.random.split(key)
+        known, dtype = scan.level, scan.values.dtype
+        level = known.scale / jax.random.gamma(for_level, known.shape, scan.values.shape, dtype)
+        place, inside = self.cells.nearest(states)
+        target = jnp.broadcast_to(jnp.asarray(self.measure(known, self.target), dtype), level.shape)
+        ratio = jnp.zeros_like(level).at[place].set(jnp.where(inside & present, target[place], 0))
+        values = (1 + ratio) * level * jax.random.exponential(for_speckle, level.shape, dtype)
+        return dataclasses.replace(scan, values=values)

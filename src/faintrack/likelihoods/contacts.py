@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
-from faintrack.likelihoods.protocols import CellMeans, Likelihood, log_ratios
+from faintrack.likelihoods.protocols import log_ratios
 from faintrack.numerics.precision import full_precision
 from faintrack.numerics.trigonometry import arctan2
 from faintrack.targets.states import PlanarState
@@ -89,14 +89,14 @@ class GaussianContact(eqx.Module):
         log_volume = sum(math.log(high - low) for low, high in zip(self.low, self.high, strict=True))
         return log_volume - form / 2 - jnp.linalg.slogdet(2 * jnp.pi * self.covariance)[1] / 2
 
-    def simulate(self, key: PRNGKeyArray, time: Float[Array, ""], state: Any, present: bool | Array = True) -> Contact:
-        """Contact with a target at a state of scalars, or a false one."""
+    def simulate(self, contact: Contact, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Contact:
+        """Contact with a target at a state of scalars, or a false one, at the time of another."""
         for_error, for_place = jax.random.split(key)
-        middle = jnp.stack([getattr(state, name) for name in self.names])
+        middle = jnp.stack([getattr(states, name) for name in self.names])
         true = jax.random.multivariate_normal(for_error, middle, self.covariance)
         low, high = (jnp.asarray(corner, middle.dtype) for corner in (self.low, self.high))
         false = jax.random.uniform(for_place, middle.shape, middle.dtype, low, high)
-        return Contact(time, jnp.where(present, true, false))
+        return Contact(contact.time, jnp.where(present, true, false))
 
 
 class BearingContact(eqx.Module):
@@ -141,15 +141,15 @@ class BearingContact(eqx.Module):
         return jax.nn.logsumexp(-scaled * scaled / 2, axis=0) + jnp.log((2 * jnp.pi) ** 0.5 / self.error)
 
     def simulate(
-        self, key: PRNGKeyArray, time: Float[Array, ""], state: PlanarState, present: bool | Array = True
+        self, contact: Contact, states: PlanarState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
     ) -> Contact:
-        """Bearing of a target at a state of scalars, or a false one; within half a turn."""
+        """Bearing of a target at a state of scalars, or a false one, at the time of another; within half a turn."""
         for_error, for_direction = jax.random.split(key)
-        true = self._bearing(state)
+        true = self._bearing(states)
         true = true + self.error * jax.random.normal(for_error, (), true.dtype)
         false = jax.random.uniform(for_direction, (), true.dtype, -jnp.pi, jnp.pi)
         drawn = jnp.where(present, true, false)
-        return Contact(time, jnp.arctan2(jnp.sin(drawn), jnp.cos(drawn)))
+        return Contact(contact.time, jnp.arctan2(jnp.sin(drawn), jnp.cos(drawn)))
 
     def _bearing(self, states: PlanarState) -> Array:
         return arctan2(states.y - self.position[1], states.x - self.position[0])
@@ -190,11 +190,11 @@ class RangeDetection(eqx.Module):
         return jnp.where(contact.value, detected, jnp.log1p(-probability) - jnp.log1p(-false))
 
     def simulate(
-        self, key: PRNGKeyArray, time: Float[Array, ""], state: PlanarState, present: bool | Array = True
+        self, contact: Contact, states: PlanarState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
     ) -> Contact:
-        """Whether there is a detection, with a target at a state of scalars or without."""
-        probability = jnp.where(present, self._probability(state), self.false_alarm_probability)
-        return Contact(time, jax.random.bernoulli(key, probability))
+        """Whether there is a detection, with a target at a state of scalars or without, at the time of another."""
+        probability = jnp.where(present, self._probability(states), self.false_alarm_probability)
+        return Contact(contact.time, jax.random.bernoulli(key, probability))
 
     def _probability(self, states: PlanarState) -> Array:
         return self.detection_probability(jnp.hypot(states.x - self.position[0], states.y - self.position[1]))
@@ -249,10 +249,20 @@ class Together(eqx.Module):
     likelihoods : one a sensor, of any kind.
     """
 
-    likelihoods: tuple[Likelihood | CellMeans, ...]
+    likelihoods: tuple[Any, ...]
 
     @eqx.filter_jit
     def log_ratio(self, scans: tuple[Any, ...], states: Any) -> Float[Array, "..."]:
         """Natural log of p(scans | target at state) / p(scans | no target), one scan a likelihood in their order."""
         every = [log_ratios(each, scan, states) for each, scan in zip(self.likelihoods, scans, strict=True)]
         return sum(every[1:], start=every[0])
+
+    def simulate(
+        self, scans: tuple[Any, ...], states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+    ) -> tuple[Any, ...]:
+        """What all sensors measure of one target, one scan a likelihood in their order."""
+        keys = jax.random.split(key, len(scans))
+        return tuple(
+            each.simulate(scan, states, present, key)
+            for each, scan, key in zip(self.likelihoods, scans, keys, strict=True)
+        )

@@ -20,10 +20,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.errors import InputError
 from faintrack.sensors.active import ActiveSonar, Ping
+from faintrack.sensors.active_draws import draw_returns
 
 NODES = 8
 """Places within a bin at which the sum over quiet bins is tabulated; straight lines in between."""
@@ -96,6 +97,18 @@ class ExceedanceLikelihood(eqx.Module):
             return eqx.combine(arrays, others)._at(ping, place)
 
         return told(arrays, ping, jnp.stack([each.ravel() for each in place])).reshape(place[0].shape)
+
+    def simulate(self, ping: Ping, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Ping:
+        """Returns drawn from the module's model; those that find no entry, at the longest delays, are left out.
+
+        Parameters
+        ----------
+        ping : time, source and receiver, and number of entries (`faintrack.simulation.active.capacity_for`).
+        states : of a target; scalars.
+        present : whether it is there.
+        key : random key.
+        """
+        return draw_returns(key, self.sonar, self.snr, self.threshold, ping, states, present)[0]
 
     def told(self, response: Real, power: Real) -> Real:
         """What a return adds for a target with this response in its bin: the bracket of the module's equation."""

@@ -18,13 +18,13 @@ the cells next to it. In float32 a velocity cell whose mean is less than e^-87 o
 default value.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
@@ -149,6 +149,10 @@ class Guided(eqx.Module):
             return eqx.combine(arrays, others)._means(ping)
 
         return means(arrays, ping)
+
+    def simulate(self, ping: Ping, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Ping:
+        """Returns as the likelihood of a state draws them."""
+        return self.likelihood.simulate(ping, states, present, key)
 
     @full_precision
     def _means(self, ping: Ping) -> Float[Array, "..."]:

@@ -11,27 +11,22 @@ target's neighbours rise with it, those of the pixel do not, and each one that d
 As :math:`\nu \to \infty` this is `faintrack.likelihoods.cells.gaussian`.
 """
 
-import functools
+from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
-from faintrack.likelihoods.cells import Amplitude
 
 
-@functools.cache
-def student(freedom: float) -> Amplitude:
+@dataclass(frozen=True)
+class Student:
     """Amplitude model for Student noise of variance 1, whose mean the target raises.
 
-    Parameters
+    Attributes
     ----------
     freedom : degrees of freedom; above 2.
-
-    Returns
-    -------
-    Function of (value, level), both over the standard deviation of the noise, to the natural log of
-    p(value | target) / p(value | noise): the module's equation.
 
     Raises
     ------
@@ -43,14 +38,26 @@ def student(freedom: float) -> Amplitude:
 
     Examples
     --------
-    >>> round(float(student(8.0)(jnp.array(3.0), 2.0)), 4), round(float(student(1e6)(jnp.array(3.0), 2.0)), 2)
+    >>> round(float(Student(8.0)(jnp.array(3.0), 2.0)), 4), round(float(Student(1e6)(jnp.array(3.0), 2.0)), 2)
     (3.4296, 4.0)
     """
-    if not freedom > 2:
-        raise InputError(f"student: freedom is {freedom:g}; expected above 2.")
 
-    def log_ratio(value: Float[Array, "..."], level: Float[Array, "..."] | float) -> Float[Array, "..."]:
-        scale = freedom - 2
-        return (freedom + 1) / 2 * (jnp.log1p(value**2 / scale) - jnp.log1p((value - level) ** 2 / scale))
+    freedom: float
 
-    return log_ratio
+    def __post_init__(self) -> None:
+        if not self.freedom > 2:
+            raise InputError(f"student: freedom is {self.freedom:g}; expected above 2.")
+
+    def __call__(self, value: Float[Array, "..."], level: Float[Array, "..."] | float) -> Float[Array, "..."]:
+        """Natural log of p(value | target) / p(value | noise), both over the standard deviation of the noise."""
+        scale = self.freedom - 2
+        return (self.freedom + 1) / 2 * (jnp.log1p(value**2 / scale) - jnp.log1p((value - level) ** 2 / scale))
+
+    def draw(self, key: PRNGKeyArray, level: Float[Array, "*cells"]) -> Float[Array, "*cells"]:
+        """Amplitude with variance 1 and mean `level`."""
+        scale = ((self.freedom - 2) / self.freedom) ** 0.5
+        return level + scale * jax.random.t(key, self.freedom, level.shape, level.dtype)
+
+
+student = Student
+"""`Student` by the name that goes with `faintrack.likelihoods.cells.gaussian`: `student(8.0)` is an amplitude model."""

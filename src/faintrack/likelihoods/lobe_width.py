@@ -13,13 +13,14 @@ compared with; use `faintrack.likelihoods.unknown_noise` instead.
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
 from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.beams import BeamGrid, BeamScan
+from faintrack.sensors.spectra import beams_of
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import UniformBirth
 
@@ -51,6 +52,12 @@ class LobeWidth(eqx.Module):
     ) -> tuple[BearingState, Float[Array, " count"]]:
         """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
         return along_beams(self, scan, birth, key, count)
+
+    def simulate(
+        self, scan: BeamScan, states: BearingState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+    ) -> BeamScan:
+        """Scan of a white source in white noise of power 1, see `faintrack.sensors.spectra.beams_of`."""
+        return beams_of(self.grid, scan, states, present, 1.0, key)
 
     @full_precision
     def _log_ratios(self, scan: BeamScan) -> Float[Array, " bearing"]:

@@ -11,11 +11,10 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.likelihoods.protocols import Likelihood
 
 
 class RandomPoints(eqx.Module):
@@ -45,7 +44,7 @@ class RandomPoints(eqx.Module):
     [3.3, -2.0]
     """
 
-    likelihood: Likelihood
+    likelihood: Any
     grid: Grid = eqx.field(static=True)
     count: int = eqx.field(static=True)
     key: PRNGKeyArray
@@ -69,3 +68,7 @@ class RandomPoints(eqx.Module):
 
         total = jax.lax.fori_loop(1, self.count, lambda number, total: jnp.logaddexp(total, told(number)), told(0))
         return (total - jnp.log(self.count)).reshape(grid.shape)
+
+    def simulate(self, scan: Any, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Any:
+        """Scan as the likelihood of a state draws it."""
+        return self.likelihood.simulate(scan, states, present, key)

@@ -12,7 +12,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
 from faintrack.likelihoods.cells import CellLikelihood
@@ -59,3 +59,10 @@ class UnknownLevel(eqx.Module):
         """Natural log of p(scan | target at state) / p(scan | no target); 0 for a state that reaches no cell."""
         place, inside = self.parts[0].places.nearest(states)
         return jnp.where(inside, jax.lax.optimization_barrier(self.table(scan))[place], 0)
+
+    def simulate(self, scan: CellScan, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> CellScan:
+        """Frame with a target of one of the levels, drawn anew; see `CellLikelihood.simulate`."""
+        for_level, for_values = jax.random.split(key)
+        number = jax.random.randint(for_level, (), 0, len(self.parts))
+        draws = [lambda key, part=part: part.simulate(scan, states, present, key) for part in self.parts]
+        return jax.lax.switch(number, draws, for_values)

@@ -27,11 +27,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, neighbours, read_plane
 from faintrack.sensors.beams import BeamGrid, BeamScan
+from faintrack.sensors.spectra import beams_of
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import UniformBirth
 
@@ -103,3 +104,9 @@ class UnknownNoise(eqx.Module):
     ) -> tuple[BearingState, Float[Array, " count"]]:
         """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
         return along_beams(self, scan, birth, key, count)
+
+    def simulate(
+        self, scan: BeamScan, states: BearingState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+    ) -> BeamScan:
+        """Scan drawn from the module's model, with noise of power 1: the ratio is the same for any."""
+        return beams_of(self.grid, scan, states, present, 1.0, key)

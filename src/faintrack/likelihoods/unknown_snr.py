@@ -11,13 +11,14 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.sensors.active import ActiveSonar, Ping
+from faintrack.sensors.active_draws import draw_returns
 
 
 class GuidedSnr(eqx.Module):
@@ -56,3 +57,9 @@ class GuidedSnr(eqx.Module):
         place = self.grid.names.index("snr_db")
         means = eqx.filter_vmap(lambda level: level.log_mean_ratio(ping))(self.levels)
         return jnp.moveaxis(means.squeeze(place + 1), 0, place)
+
+    def simulate(self, ping: Ping, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Ping:
+        """Returns of a target with the state's own `snr_db`."""
+        one = jax.tree.map(lambda leaf: leaf[0], self.levels.likelihood)
+        snr = 10 ** (states.snr_db / 10)
+        return draw_returns(key, one.sonar, snr, one.threshold, ping, states, present)[0]

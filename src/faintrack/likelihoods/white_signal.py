@@ -18,11 +18,12 @@ into a target.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.sensors.beams import BeamGrid, BeamScan
+from faintrack.sensors.spectra import beams_of
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import UniformBirth
 
@@ -64,6 +65,12 @@ class WhiteSignal(eqx.Module):
     ) -> tuple[BearingState, Float[Array, " count"]]:
         """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
         return along_beams(self, scan, birth, key, count)
+
+    def simulate(
+        self, scan: BeamScan, states: BearingState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+    ) -> BeamScan:
+        """Scan drawn from the module's model, see `faintrack.sensors.spectra.beams_of`."""
+        return beams_of(self.grid, scan, states, present, self.noise_power, key)
 
     def _powers(self, scan: BeamScan) -> Float[Array, " bearing"]:
         """Beam power over noise power, summed over the band."""

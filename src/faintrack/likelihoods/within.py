@@ -9,9 +9,8 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.likelihoods.protocols import Likelihood
 from faintrack.sensors.cells import Cells
 
 REFUTED = -100.0
@@ -39,10 +38,15 @@ class Within(eqx.Module):
     [4.0, -100.0]
     """
 
-    likelihood: Likelihood
+    likelihood: Any
     cells: Cells = eqx.field(static=True)
 
     def log_ratio(self, scan: Any, states: Any) -> Float[Array, "..."]:
         """Natural log of p(scan | target at state) / p(scan | no target), `REFUTED` out of sight."""
         _, inside = self.cells.nearest(states)
         return jnp.where(inside, self.likelihood.log_ratio(scan, states), REFUTED)
+
+    def simulate(self, scan: Any, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Any:
+        """Scan as the likelihood draws it; a target out of sight leaves noise alone."""
+        _, inside = self.cells.nearest(states)
+        return self.likelihood.simulate(scan, states, present & inside, key)

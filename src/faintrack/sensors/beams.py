@@ -39,12 +39,14 @@ class BeamGrid(eqx.Module):
     beams : number of bearings.
     snapshots : transforms a frame.
     circular : whether the bearings run around the full circle.
+    array : what hears, where it is known; scans are drawn with it.
     """
 
     frequency: Float[np.ndarray, " frequency"]
     beams: int = eqx.field(static=True)
     snapshots: int = eqx.field(static=True)
     circular: bool = eqx.field(static=True)
+    array: SensorArray | None = None
 
     @property
     def bearing(self) -> Float[np.ndarray, " bearing"]:

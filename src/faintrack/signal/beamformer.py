@@ -197,7 +197,7 @@ def beamformer(
         beams = int(np.clip(math.ceil(4 * span / lobe), 180, 1440))
     if beams < 8:
         raise InputError(f"beams is {beams}; expected at least 8.")
-    grid = BeamGrid(frequency, beams, length // size, array.circular)
+    grid = BeamGrid(frequency, beams, length // size, array.circular, array)
     # The second half of the beams is opposite to the first; on a circle of an odd number none is opposite to another.
     pairs = beams if array.circular and beams % 2 else (beams + 1) // 2
     delays = np.asarray(array.delays(grid.bearing[:pairs]))

@@ -1,21 +1,15 @@
-r"""Returns of an active sonar, drawn without drawing the bins that stay quiet.
-
-Bins exceed the threshold independently. Among those that no target reaches the next exceedance is a geometric number of
-bins away, so that a ping costs as many draws as it has returns; the bins around a target are drawn one by one. What
-comes out is distributed exactly as if every bin had been drawn, with the mean powers of `faintrack.sensors.active`. Of
-several targets the mean powers add: their echoes have no common phase.
-"""
+"""Returns of an active sonar: a ping at a time, and the room that it needs; see `faintrack.sensors.active_draws`."""
 
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
-from faintrack.sensors.active import ActiveSonar, Ping
+from faintrack.sensors.active import Ping
+from faintrack.sensors.active_draws import draw_returns
 from faintrack.sensors.bistatic import Bistatic
 
 
@@ -46,32 +40,8 @@ def draw_ping(
     The ping, and how many returns, at least, it had no entry for: those with the longest delays. Above 0 the draw is
     not what was asked for, and the capacity too small.
     """
-    sonar = likelihood.sonar
-    ping = Ping(time, jnp.zeros((0, 3), jnp.int32), jnp.zeros(0), jnp.zeros(0, bool), pair)
-    for_gaps, for_power, for_target = jax.random.split(key, 3)
-    # One more than there are entries: where it still lies in a bin of the sonar, returns are missing.
-    clutter = _clutter(for_gaps, sonar.size, likelihood.threshold, capacity + 1)
-    missing = clutter[-1] < sonar.size
-    quiet_power = likelihood.threshold + jax.random.exponential(for_power, (capacity + 1,))
-
-    bins, response = _around(sonar, sonar.geometry(ping), state, jnp.asarray(present))
-    reached = (response > 0) & ((bins >= 0) & (bins < jnp.array(sonar.shape))).all(axis=1)
-    power = (1 + likelihood.snr * response) * jax.random.exponential(for_target, response.shape)
-    flat = _flat(bins, sonar.shape)
-    reached = reached & _foremost(jnp.where(reached, flat, sonar.size))
-    echo = jnp.where(reached & (power > likelihood.threshold), flat, sonar.size)
-
-    # In the bins that a target reaches its own draws count, not those of the clutter.
-    taken = jnp.where(reached, flat, sonar.size)
-    clutter = jnp.where((clutter[:, None] == taken).any(axis=1), sonar.size, clutter)
-    every, power = jnp.concatenate([clutter, echo]), jnp.concatenate([quiet_power, power])
-    order = jnp.argsort(every)
-    there = every[order] < sonar.size
-    chosen = order[:capacity]
-    kept = every[chosen] < sonar.size
-    at = jnp.stack(jnp.unravel_index(jnp.where(kept, every[chosen], 0), sonar.shape), axis=-1).astype(jnp.int32)
-    lost = jnp.maximum(there[capacity:].sum(), missing)
-    return Ping(time, at, jnp.where(kept, power[chosen], 0), kept, pair), lost
+    empty = Ping(time, jnp.zeros((capacity, 3), jnp.int32), jnp.zeros(capacity), jnp.zeros(capacity, bool), pair)
+    return draw_returns(key, likelihood.sonar, likelihood.snr, likelihood.threshold, empty, state, present)
 
 
 def capacity_for(likelihood: ExceedanceLikelihood, targets: int = 1) -> int:
@@ -83,40 +53,3 @@ def capacity_for(likelihood: ExceedanceLikelihood, targets: int = 1) -> int:
     echo = np.exp(-likelihood.threshold / (1 + float(likelihood.snr) * response)).sum()
     expected = clutter + targets * echo
     return int(16 * np.ceil((expected + 5 * np.sqrt(expected) + 8) / 16))
-
-
-def _around(
-    sonar: ActiveSonar, pair: Bistatic, state: Any, present: Bool[Array, "*target"]
-) -> tuple[Int[Array, "bin 3"], Float[Array, " bin"]]:
-    """Bins around the places of targets, one target after the other, and the response of all of them in each."""
-    place = jnp.stack([jnp.ravel(value) for value in jnp.broadcast_arrays(*sonar.place(pair, state))], axis=-1)
-    there = jnp.broadcast_to(present, place.shape[:1]) & sonar.heard(place[:, 0], place[:, 2])
-    offsets = np.stack(
-        np.meshgrid(*(np.arange(-reach, reach + 2) for reach in sonar.reach), indexing="ij"), axis=-1
-    ).reshape(-1, 3)
-    bins = (jnp.floor(place).astype(jnp.int32)[:, None] + offsets).reshape(-1, 3)
-    off = bins - place[:, None]
-    beam = off[..., 1] - sonar.beams * jnp.round(off[..., 1] / sonar.beams)
-    response = jnp.where(there[:, None], sonar.response(off[..., 0], beam, off[..., 2]), 0).sum(axis=0)
-    return bins.at[:, 1].set(bins[:, 1] % sonar.beams), response
-
-
-def _foremost(values: Int[Array, " bin"]) -> Bool[Array, " bin"]:
-    """Whether each value is the first of its kind."""
-    order = jnp.argsort(values, stable=True)
-    ascending = values[order]
-    first = jnp.append(True, ascending[1:] != ascending[:-1])[: len(values)]
-    return jnp.zeros(len(values), bool).at[order].set(first)
-
-
-def _clutter(key: PRNGKeyArray, size: int, threshold: float, capacity: int) -> Int[Array, " return"]:
-    """Bins that exceed the threshold without a target, ascending; `size` where there is none."""
-    quiet = -np.log1p(-np.exp(-threshold))
-    gaps = jnp.floor(jax.random.exponential(key, (capacity,)) / quiet)
-    # Beyond the last bin nothing is counted; so many capacities still fit into a whole number.
-    gaps = jnp.minimum(gaps, min(size, (2**31 - 1) // capacity - 1)).astype(jnp.int32)
-    return jnp.minimum(jnp.cumsum(gaps + 1) - 1, size)
-
-
-def _flat(bins: Int[Array, "bin 3"], shape: tuple[int, int, int]) -> Int[Array, " bin"]:
-    return (bins[:, 0] * shape[1] + bins[:, 1]) * shape[2] + bins[:, 2]

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.likelihoods.beam_energies import LEVELS, BeamEnergies
+from faintrack.likelihoods.beam_energies import BeamEnergies
 from faintrack.sensors.stations import EnergyScan, Stations
 
 
@@ -50,8 +50,6 @@ def draw_energies(
     number = jnp.arange(fans.most)
     heard = (beams[..., None] == number) & present[:, None, :, None]
     targets = jnp.sum(heard, axis=2)
-    mean, std, one_mean, one_std = (jnp.reshape(jnp.asarray(getattr(likelihood, name)), (-1, 1)) for name in LEVELS)
-    noise = jax.random.normal(key, (targets.size,)).reshape(targets.shape)
-    energy = mean + targets * (one_mean - mean) + jnp.sqrt(std**2 + targets * (one_std**2 - std**2)) * noise
+    energy = likelihood.energies(targets, key)
     usable = jnp.broadcast_to(number < jnp.array(fans.count)[:, None], energy.shape)
     return EnergyScan(time.astype(energy.dtype), energy, usable, stations)

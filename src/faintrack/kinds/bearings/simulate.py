@@ -15,8 +15,8 @@ from faintrack.kinds.bearings.build import build_sensor
 from faintrack.kinds.bearings.sections import BearingsScenario, SimulationSection
 from faintrack.kinds.planar import Targets, known, states_of
 from faintrack.results.truth import Known
+from faintrack.sensors.bearing_draws import draw_bearing_set
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
-from faintrack.simulation.bearing_sets import draw_bearing_set
 from faintrack.targets.states import PlanarState
 
 

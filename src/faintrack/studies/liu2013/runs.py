@@ -27,8 +27,8 @@ from faintrack.filters.existence_particle import ExistenceParticleFilter, OfPoss
 from faintrack.filters.run import Filter, Likelihood, step
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
 from faintrack.numerics.precision import full_precision
+from faintrack.sensors.bearing_draws import draw_bearing_set
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
-from faintrack.simulation.bearing_sets import draw_bearing_set
 from faintrack.studies.liu2013 import scene
 from faintrack.targets.births import NormalBirth, RangeBirth
 from faintrack.targets.motion import white_acceleration

@@ -1,4 +1,4 @@
-"""Sets of bearings: those of targets, where they are detected, among false ones."""
+"""Sets of bearings drawn: those of targets, where they are detected, among false ones."""
 
 from typing import Any
 

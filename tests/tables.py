@@ -1,0 +1,386 @@
+"""Every likelihood, filter and tracker of the package, each small, with what the laws need to know of it.
+
+A new one gets a line here, and every law runs on it: those of likelihoods in `tests/laws/test_every_likelihood.py`,
+those of filters and trackers in `tests/laws/test_every_filter.py`.
+"""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from faintrack.beliefs.axis import Axis, between
+from faintrack.beliefs.belief import Belief
+from faintrack.beliefs.grids import Grid
+from faintrack.filters.adi import alternating_directions
+from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
+from faintrack.filters.cell_particles import CellParticles
+from faintrack.filters.existence_particle import ExistenceParticleFilter, OfPossible, PossibleState, of_target
+from faintrack.filters.grid import GridFilter
+from faintrack.filters.separable import separable
+from faintrack.filters.shifts import Shifts
+from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
+from faintrack.likelihoods.cells import (
+    CellLikelihood,
+    gaussian,
+    gaussian_spread,
+    rayleigh,
+    swerling0,
+    swerling1,
+)
+from faintrack.likelihoods.clutter import ClutterLikelihood
+from faintrack.likelihoods.contacts import BearingContact, Contact, GaussianContact, RangeDetection, Together
+from faintrack.likelihoods.exceedances import ExceedanceLikelihood
+from faintrack.likelihoods.guided import Guided
+from faintrack.likelihoods.heavy_tails import student
+from faintrack.likelihoods.lobe_width import lobe_width_likelihood
+from faintrack.likelihoods.random_points import RandomPoints
+from faintrack.likelihoods.unknown_level import UnknownLevel
+from faintrack.likelihoods.unknown_noise import UnknownNoise
+from faintrack.likelihoods.unknown_snr import GuidedSnr
+from faintrack.likelihoods.white_signal import WhiteSignal
+from faintrack.sensors.active import ActiveSonar, Ping, Pulse
+from faintrack.sensors.array import SensorArray
+from faintrack.sensors.beams import BeamGrid, BeamScan
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
+from faintrack.sensors.bistatic import Bistatic, fixed
+from faintrack.sensors.cells import Cells, CellScan
+from faintrack.sensors.stations import EnergyScan, Fans, Stations
+from faintrack.signal.clutter import ClutterScan, Level
+from faintrack.targets.motion import PlanarMotion
+from faintrack.targets.states import BearingState, PlanarSnrState, PlanarState, RangeState
+from faintrack.targets.target import Target, UniformBirth, rates
+from tests.scenes import CIRCLE, COLOURED, LINE
+
+FEW, MANY = 4_000, 20_000
+"""Draws for a law of means: of ratios with tails that fall fast, and of those of an array, whose standard error is then
+below 0.01."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A likelihood and what is asked of it.
+
+    Attributes
+    ----------
+    likelihood : of true ratios, unless `ratio` is false.
+    scan : template for draws.
+    states : some, components of shape (point,); ratios of low variance there.
+    ratio : whether the mean of its ratio under noise is 1.
+    sure : points where the density under the target is above 0 wherever that of noise is.
+    draws : for a law of means.
+    masked : of a drawn scan: the same, with something else where nothing was measured.
+    quiet : of a drawn scan: one in which nothing was measured at all, None where there is no such.
+    """
+
+    likelihood: Any
+    scan: Any
+    states: Any
+    ratio: bool = True
+    sure: tuple[int, ...] = (0, 1)
+    draws: int = FEW
+    masked: Callable[[Any], Any] | None = None
+    quiet: Callable[[Any], Any] | None = None
+
+
+def row(kind: Any, dtype: type, *points: tuple[float, ...]) -> Any:
+    """States with components of shape (point,)."""
+    return kind(*(jnp.asarray(values, dtype) for values in zip(*points, strict=True)))
+
+
+def corner(kind: Any, dtype: type, *values: float) -> Any:
+    """One state of scalars."""
+    return kind(*(jnp.asarray(value, dtype) for value in values))
+
+
+# Beams of an array
+
+
+def array_case(array: SensorArray, build: Callable[[BeamGrid, type], Any], dtype: type, **more: Any) -> Case:
+    """Four channels, three bins, two snapshots; points on the beams, between them and at the end."""
+    grid = BeamGrid(np.array([125.0, 250.0, 375.0]), 36, 2, array.circular, array)
+    scan = BeamScan(*(jnp.zeros(shape, dtype) for shape in ((), (3, 36), 3)), jnp.asarray(4.0, dtype))
+    bearing = [*grid.bearing[[7, 20, -1]], 0.4, 2.9]
+    states = row(BearingState, dtype, *zip(bearing, [0.0] * 5, (-13.0, -15.0, -12.0, -12.5, -14.0), strict=True))
+
+    def too_few(scan: BeamScan) -> BeamScan:
+        return dataclasses.replace(scan, channels=jnp.ones_like(scan.channels))
+
+    return Case(build(grid, dtype), scan, states, draws=MANY, quiet=too_few, **more)
+
+
+def white_signal(grid: BeamGrid, dtype: type) -> WhiteSignal:
+    return WhiteSignal(grid, jnp.asarray(COLOURED, dtype))
+
+
+def unknown_noise(grid: BeamGrid, dtype: type) -> UnknownNoise:
+    # Columns a decibel apart, no more of them than the points need: the table is most of the cost of a draw.
+    return UnknownNoise(grid, (-18.0, -9.0))
+
+
+def lobe_width(grid: BeamGrid, dtype: type) -> Any:
+    return lobe_width_likelihood(grid, width=0.5)
+
+
+# Cells
+
+IMAGE = Cells((("y", Axis(0.0, 1.0, 5)), ("x", Axis(0.0, 1.0, 6))))
+LEVELS = {gaussian: 0.8, swerling1: 0.3, swerling0: 0.5, rayleigh: 0.3, student(5.0): 0.8}
+"""Levels at which the ratio has a variance: that of `swerling1` has none from 1 on."""
+PIXELS = ((1.6, 3.4, 0.0, 0.0), (0.1, 5.0, 0.0, 0.0), (2.0, 2.0, 0.0, 0.0), (20.0, 2.0, 0.0, 0.0))
+"""Between pixels, at the edge, in the middle, and where nothing is heard."""
+
+
+def image(amplitude: Any, level: float | None = None) -> CellLikelihood:
+    level = LEVELS[amplitude] if level is None else level
+    return CellLikelihood(IMAGE, amplitude, level, gaussian_spread(0.6), reach=1, oversample=3)
+
+
+def cell_case(build: Callable[[], Any], dtype: type) -> Case:
+    def unseen(scan: CellScan) -> CellScan:
+        return dataclasses.replace(scan, values=jnp.full_like(scan.values, jnp.nan))
+
+    scan = CellScan(jnp.zeros((), dtype), jnp.zeros(IMAGE.shape, dtype))
+    return Case(build(), scan, row(PlanarState, dtype, *PIXELS), quiet=unseen)
+
+
+def clutter_case(dtype: type) -> Case:
+    profile = Cells((("range", Axis(0.0, 1.0, 6)),))
+    level = Level(jnp.full(6, 6.0, dtype), jnp.linspace(2.0, 9.0, 6, dtype=dtype))
+    scan = ClutterScan(jnp.zeros((), dtype), jnp.zeros(6, dtype), level)
+    states = row(RangeState, dtype, (1.2, 0.0), (5.0, 0.0), (9.0, 0.0))
+    return Case(ClutterLikelihood(profile, 0.3), scan, states)
+
+
+# Beams of several arrays
+
+
+def energies_case(dtype: type) -> Case:
+    beam = math.radians(5)
+    likelihood = BeamEnergies(Fans((0.0, 0.0), (beam, beam), (37, 30), (True, True)), 0.0, 1.0, 0.7, 1.1)
+    heading = jnp.array([math.pi / 2, 0.0], dtype)
+    stations = Stations(jnp.array([0.0, -500.0], dtype), jnp.array([-500.0, 0.0], dtype), heading)
+    usable = jnp.ones((2, 37), bool).at[1, 30:].set(False).at[0, 20].set(False)
+    scan = EnergyScan(jnp.zeros((), dtype), jnp.zeros((2, 37), dtype), usable, stations)
+    points = (100.0, 50.0, 0.0, 0.0), (-200.0, 300.0, 0.0, 0.0), (0.0, 900.0, 0.0, 0.0)
+
+    def masked(scan: EnergyScan) -> EnergyScan:
+        return dataclasses.replace(scan, energy=jnp.where(scan.usable, scan.energy, jnp.nan))
+
+    def silent(scan: EnergyScan) -> EnergyScan:
+        return dataclasses.replace(scan, usable=jnp.zeros_like(scan.usable))
+
+    return Case(likelihood, scan, row(PlanarState, dtype, *points), masked=masked, quiet=silent)
+
+
+# Returns of an active sonar
+
+
+def sonar() -> ActiveSonar:
+    """Bins so coarse that a ping has a handful of returns."""
+    pair = Bistatic(fixed(0.0, 0.0), fixed(300.0, 200.0))
+    pulse = Pulse(2000.0, 1.0, 10.0)
+    return ActiveSonar(pulse, Axis(2.0, 0.1, 40), 12, math.radians(12), None, pair, reach=(2, 1, 0))
+
+
+def exceedances(snr: float = 0.4) -> ExceedanceLikelihood:
+    return ExceedanceLikelihood(sonar(), snr, 4.0)
+
+
+def returns_case(likelihood: Any, dtype: type, *points: tuple[float, ...], kind: Any = PlanarState) -> Case:
+    capacity = 32
+    scan = Ping(
+        jnp.zeros((), dtype),
+        jnp.zeros((capacity, 3), jnp.int32),
+        jnp.zeros(capacity, dtype),
+        jnp.zeros(capacity, bool),
+    )
+
+    def masked(ping: Ping) -> Ping:
+        bins = jnp.where(ping.there[:, None], ping.bins, 3)
+        return dataclasses.replace(ping, bins=bins, power=jnp.where(ping.there, ping.power, 50.0))
+
+    return Case(likelihood, scan, row(kind, dtype, *points), masked=masked)
+
+
+PLACES = (2000.0, 500.0, 0.0, 0.0), (-1000.0, 1500.0, 0.0, 0.0), (90_000.0, 0.0, 0.0, 0.0)
+"""Two that are heard, and one that is not."""
+
+# Bearings
+
+SENSOR = BearingSensor(0.6, 0.3, 3.0, -0.5, 5.0)
+HEARD = (400.0, 100.0, 0.0, 0.0), (-300.0, -100.0, 0.0, 0.0), (100.0, -400.0, 0.0, 0.0)
+"""Two within the sector, as far from its edges as errors reach, and one outside."""
+
+
+def bearings(dtype: type, count: int = 20) -> BearingSet:
+    here = corner(PlanarState, dtype, 10.0, -20.0, 0.0, 0.0)
+    return BearingSet(jnp.zeros((), dtype), jnp.zeros(count, dtype), jnp.zeros(count, bool), here)
+
+
+def bearings_masked(scan: BearingSet) -> BearingSet:
+    return dataclasses.replace(scan, bearing=jnp.where(scan.there, scan.bearing, 0.3))
+
+
+def bearings_case(dtype: type) -> Case:
+    # An error may carry a target's bearing over the edge of the sector, where it is not reported: far from it.
+    sensor = dataclasses.replace(SENSOR, error=0.15)
+    return Case(BearingSetLikelihood(sensor), bearings(dtype), row(PlanarState, dtype, *HEARD), masked=bearings_masked)
+
+
+def observers_case(dtype: type) -> Case:
+    sensor = dataclasses.replace(SENSOR, error=0.15)
+    sets = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), bearings(dtype))
+    scan = ObserverSets(jnp.zeros((), dtype), sets, jnp.array([True, True]))
+
+    def nobody(scan: ObserverSets) -> ObserverSets:
+        return dataclasses.replace(scan, heard=jnp.zeros_like(scan.heard))
+
+    likelihood = ObserversLikelihood(BearingSetLikelihood(sensor))
+    return Case(likelihood, scan, row(PlanarState, dtype, *HEARD), quiet=nobody)
+
+
+# Contacts
+
+
+def contact(dtype: type, value: Any = 0.0) -> Contact:
+    return Contact(jnp.zeros((), dtype), jnp.asarray(value, dtype))
+
+
+NEAR = (0.0, 0.0, 0.0, 0.0), (1.0, -1.0, 0.0, 0.0)
+"""Far from the edges of the region of false contacts, in standard deviations."""
+
+
+def position(dtype: type) -> GaussianContact:
+    return GaussianContact(("x", "y"), jnp.diag(jnp.array([1.0, 2.0], dtype)), (-10.0, -10.0), (10.0, 10.0))
+
+
+def detection() -> RangeDetection:
+    return RangeDetection((70.0, 0.0), lambda distance: 0.2 + 0.6 * jnp.exp(-distance / 50.0), 0.3)
+
+
+def contact_case(likelihood: Any, dtype: type, value: Any = 0.0, scan: Any = None) -> Case:
+    # A Gaussian is nothing to speak of at the edge of the region, and its inverse there has no variance.
+    sure = () if scan is not None or isinstance(likelihood, GaussianContact) else (0, 1)
+    scan = contact(dtype, value) if scan is None else scan
+    return Case(likelihood, scan, row(PlanarState, dtype, *NEAR), sure=sure)
+
+
+def possible_case(dtype: type) -> Case:
+    inner = cell_case(lambda: image(gaussian), dtype)
+    states = PossibleState(inner.states, jnp.array([True, False, True, False]))
+    return dataclasses.replace(inner, likelihood=OfPossible(inner.likelihood), states=states)
+
+
+LIKELIHOODS: dict[str, Callable[[type], Case]] = {
+    "white signal, line": functools.partial(array_case, LINE, white_signal),
+    "white signal, circle": functools.partial(array_case, CIRCLE, white_signal),
+    "unknown noise, line": functools.partial(array_case, LINE, unknown_noise),
+    "unknown noise, circle": functools.partial(array_case, CIRCLE, unknown_noise),
+    "lobe width": functools.partial(array_case, LINE, lobe_width, ratio=False),
+    "cells, gaussian": functools.partial(cell_case, lambda: image(gaussian)),
+    "cells, swerling1": functools.partial(cell_case, lambda: image(swerling1)),
+    "cells, swerling0": functools.partial(cell_case, lambda: image(swerling0)),
+    "cells, rayleigh": functools.partial(cell_case, lambda: image(rayleigh)),
+    "cells, student": functools.partial(cell_case, lambda: image(student(5.0))),
+    "unknown level": functools.partial(cell_case, lambda: UnknownLevel((image(gaussian, 0.5), image(gaussian, 1.0)))),
+    "clutter": clutter_case,
+    "beam energies": energies_case,
+    "exceedances": lambda dtype: returns_case(exceedances(), dtype, *PLACES),
+    "bearing sets": bearings_case,
+    "observers": observers_case,
+    "position": lambda dtype: contact_case(position(dtype), dtype, np.zeros(2)),
+    "bearing": lambda dtype: contact_case(BearingContact((70.0, 0.0), 0.9), dtype),
+    "detection": lambda dtype: contact_case(detection(), dtype, False),
+    "together": lambda dtype: contact_case(
+        Together((BearingContact((70.0, 0.0), 0.9), detection())), dtype, scan=(contact(dtype), contact(dtype))
+    ),
+    "of possible": possible_case,
+}
+"""Those that read states."""
+
+
+# Means over cells
+
+
+def position_grid(count: int, **axes: Axis) -> Grid:
+    place = between(-3000.0, 3000.0, count)
+    kind = PlanarSnrState if "snr_db" in axes else PlanarState
+    return Grid(kind, (("x", place), ("y", place), *axes.items()))
+
+
+def guided_case(dtype: type) -> Case:
+    return returns_case(Guided(exceedances(), position_grid(5), (2, 1, 0)), dtype, *PLACES)
+
+
+def guided_snr_case(dtype: type) -> Case:
+    grid = position_grid(5, snr_db=Axis(-6.0, 3.0, 2))
+    points = [(*place, -6.0) for place in PLACES]
+    return returns_case(GuidedSnr(sonar(), 4.0, grid, swath=(2, 1, 0)), dtype, *points, kind=PlanarSnrState)
+
+
+def random_points_case(dtype: type) -> Case:
+    grid = Grid(PlanarState, (("y", between(-0.5, 4.5, 3)), ("x", between(-0.5, 5.5, 2))))
+    inner = cell_case(lambda: image(gaussian), dtype)
+    means = RandomPoints(inner.likelihood, grid, 4, jax.random.key(0))
+    return dataclasses.replace(inner, likelihood=means)
+
+
+CELL_MEANS: dict[str, Callable[[type], Case]] = {
+    "guided": guided_case,
+    "guided, unknown SNR": guided_snr_case,
+    "random points": random_points_case,
+}
+"""Those that know the mean of every cell of a grid."""
+
+# Filters
+
+APPEARS, STAYS, NOISE = 0.05, 0.9, 0.3
+PLACE, SPEED = Axis(0.0, 1.0, 12), Axis(-1.0, 1.0, 3)
+LINE_GRID = Grid(RangeState, (("range", PLACE), ("range_rate", SPEED)))
+MOTION = PlanarMotion(NOISE)
+
+
+@functools.cache
+def target() -> Target:
+    """Along a line of twelve cells, a cell a second at most."""
+    low, high = ((float(PLACE.edges[end]), float(SPEED.edges[end])) for end in (0, -1))
+    birth = UniformBirth(corner(RangeState, np.float32, *low), corner(RangeState, np.float32, *high))
+    return Target(birth, MOTION, *rates(APPEARS, STAYS, 1.0))
+
+
+def on_grid(transport: Any, **more: Any) -> GridFilter:
+    return GridFilter(LINE_GRID, target(), transport, **more)
+
+
+FILTERS: dict[str, Callable[[], Any]] = {
+    "particles": lambda: BernoulliParticleFilter(target(), 200, 100),
+    "particles with a bit": lambda: ExistenceParticleFilter(target(), 400),
+    "grid, shifts": lambda: on_grid(Shifts(LINE_GRID, 1.0)),
+    "grid, separable": lambda: on_grid(separable(LINE_GRID, MOTION, 1.0)),
+    "grid, separable, returns": lambda: on_grid(separable(LINE_GRID, MOTION, 1.0), returns=True),
+    "grid, alternating directions": lambda: on_grid(alternating_directions(LINE_GRID, NOISE, 1.0)),
+    "grid, cell particles": lambda: on_grid(CellParticles(LINE_GRID, MOTION, 1.0, 4)),
+}
+
+
+def believed(belief: Belief) -> Belief:
+    """What a filter believes of a target, whatever its particles are."""
+    return of_target(belief) if isinstance(belief.states, PossibleState) else belief
+
+
+def profile() -> CellLikelihood:
+    """Of a target on the line: a range profile in Gaussian noise."""
+    return CellLikelihood(Cells((("range", PLACE),)), gaussian, 2.0)
+
+
+def for_filter(filter: Any) -> Any:
+    """Likelihood that takes in its scans."""
+    return OfPossible(profile()) if isinstance(filter, ExistenceParticleFilter) else profile()
