@@ -17,7 +17,7 @@ def progress(items: Iterable[Item], label: str, total: int, size: Callable[[Item
 
 
 @contextlib.contextmanager
-def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int | None], None]]:
     """Function that is told how much was done just now, and of how much; it shows share, rate and time left."""
     if quiet or not sys.stderr.isatty():
         yield lambda done, total: None
@@ -42,7 +42,7 @@ def progress_bar(label: str, quiet: bool) -> Iterator[Callable[[int, int], None]
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=None)
 
-        def advance(done: int, total: int) -> None:
+        def advance(done: int, total: int | None) -> None:
             bar.update(task, advance=done, total=total)
 
         yield advance

@@ -42,11 +42,11 @@ def write_sequence(path: str | Path, sequence: Sequence) -> None:
         group = zarr.open_group(partial, mode="w", zarr_format=3)
         names = ("time", *(name for name, _ in sequence.axes))
         shape = (sequence.length, *sequence.shape)
-        frames = group.create_array(
+        stored = group.create_array(
             "frames", shape=shape, chunks=(1, *shape[1:]), dtype=np.float32, dimension_names=names
         )
         for name, values in coordinates.items():
             group.create_array(name, data=np.asarray(values), dimension_names=(name,))
         for start in range(0, sequence.length, FRAMES):
             stop = min(start + FRAMES, sequence.length)
-            frames[start:stop] = sequence.read(start, stop)
+            stored[start:stop] = sequence.read(start, stop)

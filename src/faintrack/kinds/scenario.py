@@ -7,7 +7,7 @@ makes the scenario of the kind that the data are.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from faintrack.errors import InputError
 from faintrack.scenario.section import Section, read_toml, to_toml, validated
@@ -34,6 +34,10 @@ class Scenario(Section):
     """
 
     kind: str
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **sections: Any) -> None: ...
 
     def __new__(cls, /, **sections: Any) -> "Scenario":
         """Scenario of the kind that the sections are of."""

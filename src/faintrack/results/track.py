@@ -137,7 +137,7 @@ def tracks_of(data: xr.Dataset) -> list[Track]:
     means = {name: data[name].values for name in names}
     earth = {name: data[name].values for name in DEGREES if name in data}
     start = data.attrs.get("start_time") or None
-    facts = {
+    facts: dict[str, Any] = {
         "units": units(data),
         "place": tuple(places(data)),
         "rates": rates(data),

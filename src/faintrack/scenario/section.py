@@ -7,7 +7,7 @@ sentence.
 
 import difflib
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -108,7 +108,7 @@ def _nearest(model: type[BaseModel] | None, place: tuple[int | str, ...]) -> str
     return f"; did you mean {near[0]}?" if near else f"; known are {', '.join(names)}."
 
 
-def models_of(annotation: Any) -> Iterable[type[BaseModel]]:
+def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
     """Sections within an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation

@@ -14,10 +14,9 @@ from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
 from faintrack.kinds.frames.build import AMPLITUDES, STATES, WIDTH, background_kind
 from faintrack.kinds.frames.sections import FramesScenario, SimulatedTargetSection
-from faintrack.likelihoods.cells import CellLikelihood, gaussian, gaussian_spread, point
+from faintrack.likelihoods.cells import CellLikelihood, gaussian_spread, point
 from faintrack.results.truth import Known
 from faintrack.sensors.cells import Cells
-from faintrack.simulation.cells import VALUES
 
 SCENE = 10.0
 """Brightness of the flat scene behind whitened images, in standard deviations of the noise."""
@@ -72,8 +71,6 @@ def _drawn(scenario: FramesScenario, targets: tuple[SimulatedTargetSection, ...]
     sequence = Sequence(lambda start, stop: np.empty(0), interval * np.arange(table.frames), axes, "simulation")
     kind = background_kind(scenario, sequence)
     amplitude = AMPLITUDES[scenario.cells.amplitude or ("swerling1" if kind == "clutter" else "gaussian")]
-    # Heavy tails are in the eye of the likelihood; noise is drawn Gaussian.
-    amplitude = amplitude if amplitude in VALUES else gaussian
     width = (WIDTH if kind == "whiten" else 0.0) if scenario.cells.width is None else scenario.cells.width
     spread, reach = (gaussian_spread(width), max(1, round(4 * width))) if width else (point, 0)
     cells, state = Cells(axes), STATES[frozenset(names)]
@@ -86,7 +83,8 @@ def _drawn(scenario: FramesScenario, targets: tuple[SimulatedTargetSection, ...]
                 f"simulation.targets[{number}] has {len(target.place)} places and {len(target.velocity)} velocities; "
                 f"expected {len(axes)}, along {' and '.join(names)}."
             )
-    raised = SCENE if amplitude is gaussian and kind == "whiten" else 0.0
+    draw = CellLikelihood(cells, amplitude, 1.0).draw
+    raised = SCENE if kind == "whiten" else 0.0
 
     def frame(number: int) -> np.ndarray:
         time = interval * number
@@ -102,7 +100,7 @@ def _drawn(scenario: FramesScenario, targets: tuple[SimulatedTargetSection, ...]
                 still = {field.name: jnp.zeros(()) for field in fields(state) if field.name not in places}
                 level = level + likelihood.levels(state(**places, **still))
         key = jax.random.fold_in(jax.random.key(seed), number)
-        return np.asarray(scenario.cells.noise * (VALUES[amplitude](key, level) + raised), np.float32)
+        return np.asarray(scenario.cells.noise * (draw(key, level) + raised), np.float32)
 
     def read(start: int, stop: int) -> np.ndarray:
         return np.stack([frame(number) for number in range(start, min(stop, table.frames))])
