@@ -110,7 +110,7 @@ def test_returns_without_what_they_need(folder: Path) -> None:
     (folder / "night.wav").write_text("not returns", encoding="utf-8")
     refuse(folder, folder / "night.wav", scenario, ("night.wav", "expected .csv or .zarr"))
     path.write_text("time_s,delay,bearing\n0,8,90\n", encoding="utf-8")
-    refuse(folder, path, None, ("returns.csv", "not told by its name", "returns", "--kind"))
+    refuse(folder, path, None, ("returns.csv", "what it holds", "returns", "--kind"))
     refuse(folder, path, scenario, ("returns.csv", "column 'delay'"))
     path.write_bytes(b"\xff\xfe\x00")
     refuse(folder, path, None, ("returns.csv cannot be read as CSV",))
