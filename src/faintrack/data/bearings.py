@@ -36,6 +36,7 @@ class Bearings:
     bearing : radians anticlockwise from +x.
     rows : number of the row that every bearing stands in, for messages.
     origin : where the bearings come from, for messages.
+    remarks : what was assumed or left out; one sentence each.
     """
 
     times: Float[np.ndarray, " scan"]
@@ -47,6 +48,7 @@ class Bearings:
     bearing: Float[np.ndarray, " bearing"]
     rows: Int[np.ndarray, " bearing"]
     origin: str
+    remarks: tuple[str, ...] = ()
 
     @property
     def length(self) -> int:

@@ -41,6 +41,7 @@ class Returns:
     source, receiver : x, y, vx and vy in every ping, metres and m/s; None where they stand still.
     rows : number of the row that every return stands in, for messages.
     origin : where the returns come from, for messages.
+    remarks : what was assumed or left out; one sentence each.
     """
 
     times: Float[np.ndarray, " ping"]
@@ -53,6 +54,7 @@ class Returns:
     receiver: Float[np.ndarray, "ping 4"] | None
     rows: Int[np.ndarray, " return"]
     origin: str
+    remarks: tuple[str, ...] = ()
 
     @property
     def length(self) -> int:

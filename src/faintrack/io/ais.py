@@ -14,7 +14,6 @@ or `x_m` and `y_m`, or whatever components a place has, in place of the last two
 seconds or milliseconds since 1970.
 """
 
-import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ import numpy as np
 from faintrack.data.ships import Ship
 from faintrack.errors import InputError
 from faintrack.io.checks import explained, number, require_file, utc
+from faintrack.io.text import opened
 
 COLUMNS = {
     "time": ("time",),
@@ -67,6 +67,11 @@ def read_ships(path: str | Path, components: Sequence[str] = ("x_m", "y_m")) -> 
     if suffix != ".csv" and suffix not in NMEA:
         raise InputError(f"{path}: unknown kind of file; expected .csv, or {', '.join(NMEA)} for NMEA sentences.")
     require_file(path)
+    with explained(f"{path} cannot be read as reports of ships"):
+        return _read(path, suffix, components)
+
+
+def _read(path: Path, suffix: str, components: Sequence[str]) -> list[Ship]:
     reports, in_utc, degrees = _read_csv(path, components) if suffix == ".csv" else (_read_nmea(path), True, True)
     if not reports:
         raise InputError(f"{path}: there is no report of a position.")
@@ -87,9 +92,8 @@ def _ships(reports: Iterable[tuple[Any, ...]], in_utc: bool, degrees: bool) -> l
 
 
 def _read_csv(path: Path, components: Sequence[str]) -> tuple[list[tuple[Any, ...]], bool, bool]:
-    with explained(f"{path} cannot be read as CSV"), path.open(newline="", encoding="utf-8-sig") as file:
-        reader = csv.reader(file)
-        names = [name.strip().lower() for name in next(reader)]
+    with opened(path) as table:
+        names = [name.lower() for name in table.names]
         found = {}
         for what, known in {**COLUMNS, **{name: (name,) for name in components}}.items():
             number_of = next((names.index(name) for name in known if name in names), None)
@@ -104,18 +108,14 @@ def _read_csv(path: Path, components: Sequence[str]) -> tuple[list[tuple[Any, ..
                     f"longitude, or time_s, name, {' and '.join(components)}."
                 )
         reports = []
-        for row in reader:
-            if not any(map(str.strip, row)):
-                continue
-            where = f"{path}, row {reader.line_num}"
-            if len(row) != len(names):
-                raise InputError(f"{where}: {len(row)} values; expected {len(names)}, as the names.")
+        for line, row in table:
+            where = f"{path}, row {line}"
             if in_utc:
                 moment = utc(row[found["time"]], f"{where}: time")
                 time = float((moment - np.datetime64(0, "ns")) / np.timedelta64(1, "ns")) / 1e9
             else:
-                time = number(row[found["time_s"]], f"{where}: time_s")
-            place = [number(row[found[axis]], f"{where}: {axis}") for axis in axes]
+                time = table.number(row[found["time_s"]], f"row {line}: time_s")
+            place = [table.number(row[found[axis]], f"row {line}: {axis}") for axis in axes]
             reports.append((row[found["ship"]].strip(), time, *place))
     return reports, in_utc, degrees
 

@@ -12,13 +12,16 @@ nothing:
     1,,10,0
     2,42.0,20,0
 
-In CSV the first row names the columns, in any order, and a missing value is empty. In Zarr every column is an array
+In CSV the first row names the columns, in any order, and a missing value is empty; semicolons, decimal commas and dates
+in UTC are understood (`faintrack.io.text`). In Zarr every column is an array
 with one axis, `row`, and a missing value is not a number.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from faintrack.data.bearings import Bearings, from_columns, require_names, to_columns
+from faintrack.io.checks import explained
 from faintrack.io.columns import read_table, write_table
 
 
@@ -49,8 +52,9 @@ def read_bearings(path: str | Path) -> Bearings:
     ([0.0, 1.0], [0], [10.0, 0.0])
     """
     path = Path(path)
-    columns, rows = read_table(path, "bearings", "row", require_names)
-    return from_columns(columns, rows, str(path))
+    with explained(f"{path} cannot be read as bearings"):
+        columns, rows, remarks = read_table(path, "bearings", "row", require_names)
+        return replace(from_columns(columns, rows, str(path)), remarks=remarks)
 
 
 def write_bearings(path: str | Path, bearings: Bearings) -> None:

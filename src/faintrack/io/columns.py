@@ -6,6 +6,7 @@ In Zarr every column is an array with one axis, and a missing value is not a num
 
 import array
 import csv
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from faintrack.errors import InputError, naming
-from faintrack.io.checks import explained, number, require_file, require_numeric
+from faintrack.io import limits
+from faintrack.io.checks import explained, require_numeric
+from faintrack.io.text import opened
 from faintrack.io.variables import open_zarr
 from faintrack.io.write_recordings import completed
 
 SUFFIXES = (".csv", ".zarr")
+TIME = "time_s"
 
 Columns = Mapping[str, Float[np.ndarray, " row"]]
 
@@ -27,6 +31,8 @@ def read_columns(
     path: Path, require: Callable[[Sequence[str], str], Any]
 ) -> tuple[dict[str, Float[np.ndarray, " row"]], Int[np.ndarray, " row"]]:
     """Columns of a CSV file, and the line in the file of every row, as an editor counts.
+
+    A column `time` is one of `time_s`; dates in UTC become seconds since the first (`faintrack.io.text`).
 
     Parameters
     ----------
@@ -51,25 +57,26 @@ def read_columns(
     >>> columns["x_m"].tolist(), lines.tolist()
     ([5.0, nan], [2, 4])
     """
-    require_file(path)
-    with explained(f"{path} cannot be read as CSV"), path.open(newline="", encoding="utf-8-sig") as file:
-        reader = csv.reader(file)
-        names = [name.strip() for name in next(reader)]
+    columns, lines, _ = _read_text(path, require)
+    return columns, lines
+
+
+def _read_text(
+    path: Path, require: Callable[[Sequence[str], str], Any]
+) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[str, ...]]:
+    """The same, and what was taken."""
+    with opened(path) as table:
+        names = [TIME if name == "time" else name for name in table.names]
         require(names, str(path))
         columns = [array.array("d") for _ in names]
         lines = array.array("q")
-        for row in reader:
-            if not any(map(str.strip, row)):
-                continue
-            if len(row) != len(names):
-                raise InputError(
-                    f"{path}, row {reader.line_num}: {len(row)} values; expected {len(names)}, as the names."
-                )
-            lines.append(reader.line_num)
+        for line, row in table:
+            lines.append(line)
             for name, column, text in zip(names, columns, row, strict=True):
-                value = text.strip()
-                column.append(number(value, f"{path}, row {reader.line_num}: {name}") if value else np.nan)
-    return dict(zip(names, map(np.asarray, columns), strict=True)), np.array(lines, np.int64)
+                value = table.seconds if name == TIME else table.number
+                column.append(value(text, f"row {line}: {name}") if text.strip() else np.nan)
+    found = dict(zip(names, map(np.asarray, columns), strict=True))
+    return found, np.array(lines, np.int64), table.remarks
 
 
 def column_names(path: Path) -> frozenset[str]:
@@ -99,8 +106,8 @@ def column_names(path: Path) -> frozenset[str]:
 
 def read_table(
     path: Path, what: str, row: str, require: Callable[[Sequence[str], str], Any]
-) -> tuple[dict[str, Float[np.ndarray, " row"]], Int[np.ndarray, " row"] | None]:
-    """Columns of a CSV file or a Zarr folder, and in CSV the line of every row.
+) -> tuple[dict[str, Float[np.ndarray, " row"]], Int[np.ndarray, " row"] | None, tuple[str, ...]]:
+    """Columns of a CSV file or a Zarr folder, in CSV the line of every row, and what was taken.
 
     Parameters
     ----------
@@ -114,8 +121,37 @@ def read_table(
     InputError : the file is missing, unknown or damaged, or a value is no number.
     """
     if _suffix(path, what) == ".csv":
-        return read_columns(path, require)
-    return _read_zarr(path, row), None
+        return _read_text(path, require)
+    return _read_zarr(path, row), None, ()
+
+
+def without_repeats(
+    columns: Columns, lines: Int[np.ndarray, " row"] | None
+) -> tuple[dict[str, Float[np.ndarray, " kept"]], Int[np.ndarray, " kept"] | None, tuple[str, ...]]:
+    """Columns in which every row stands once, the lines that are left, and a remark where there are fewer.
+
+    Parameters
+    ----------
+    columns, lines : as of `read_table`.
+
+    Examples
+    --------
+    >>> columns, lines, remarks = without_repeats({"time_s": np.array([0.0, 0.0, 1.0])}, np.array([2, 3, 4]))
+    >>> lines.tolist(), remarks
+    ([2, 4], ('1 rows stand in the file twice; each counts once.',))
+    """
+    values = [np.asarray(column, float) for column in columns.values()]
+    if not values or len({value.shape for value in values}) > 1 or values[0].ndim != 1:
+        return dict(columns), lines, ()
+    # NaN equals itself here, and 0 its negative.
+    rows = np.stack([np.where(np.isnan(value), np.nan, value + 0.0) for value in values], axis=1)
+    whole = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1])))[:, 0]
+    kept = np.sort(np.unique(whole, return_index=True)[1])
+    if len(kept) == len(rows):
+        return dict(columns), lines, ()
+    said = f"{len(rows) - len(kept)} rows stand in the file twice; each counts once."
+    left = {name: np.asarray(column)[kept] for name, column in columns.items()}
+    return left, (kept if lines is None else lines[kept]), (said,)
 
 
 def write_table(path: Path, what: str, row: str, columns: Columns) -> None:
@@ -163,5 +199,7 @@ def _read_zarr(path: Path, row: str) -> dict[str, np.ndarray]:
             packed = variable.attributes.keys() & {"scale_factor", "add_offset"}
             if packed:
                 raise InputError(f"{name} is packed with {min(packed)}; expected plain values.")
+            if math.prod(variable.shape) * 8 > limits.MOST_HELD:
+                raise InputError(f"{name} has shape {variable.shape}; expected a column that memory holds.")
             columns[name] = variable.read((slice(None),) * len(variable.shape))
     return columns

@@ -21,7 +21,6 @@ a number was not measured. A Zarr folder or an HDF5 file that holds `time_data` 
 """
 
 import array
-import csv
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -30,8 +29,9 @@ import numpy as np
 
 from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError, naming
-from faintrack.io.checks import explained, number, require_file
+from faintrack.io.checks import explained
 from faintrack.io.sequences import evenly_spaced, read_sequence
+from faintrack.io.text import opened
 from faintrack.io.variables import Variable, open_hdf5, open_npz, open_zarr
 
 READERS = {".npz": open_npz, ".h5": open_hdf5, ".hdf5": open_hdf5, ".zarr": open_zarr}
@@ -72,6 +72,11 @@ def read_record(path: str | Path, ends_deg: tuple[float, float] | None = None) -
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: unknown kind of file; expected {', '.join(SUFFIXES)} for a record.")
+    with explained(f"{path} cannot be read as a record"):
+        return _read_record(path, suffix, ends_deg)
+
+
+def _read_record(path: Path, suffix: str, ends_deg: tuple[float, float] | None) -> Sequence:
     variables = {} if suffix == ".csv" else READERS[suffix](path)
     told = suffix == ".csv" or "bearing" in variables
     with naming(path):
@@ -127,31 +132,26 @@ def _dims(variables: Mapping[str, Variable]) -> tuple[str, str] | None:
 
 
 def _read_csv(path: Path) -> Sequence:
-    require_file(path)
-    with explained(f"{path} cannot be read as CSV"), path.open(newline="", encoding="utf-8-sig") as file:
-        reader = csv.reader(file)
-        names = [name.strip() for name in next(reader)]
-        if names[0] != TIME:
+    with opened(path) as table:
+        first, *named = table.names
+        if first not in (TIME, "time"):
             raise InputError(
-                f"{path}: the first column is {names[0]!r}; expected {TIME}, and then bearings in degrees."
+                f"{path}: the first column is {first[:80]!r}; expected {TIME}, and then bearings in degrees."
             )
-        bearings = np.array([number(name, f"{path}, row 1: a bearing") for name in names[1:]])
+        bearings = np.array([table.number(name, "row 1: a bearing") for name in named])
         if len(bearings) < 2:
             raise InputError(f"{path}: there are {len(bearings)} beams; expected a column each, named by its bearing.")
         axis, turned = evenly_spaced("the bearing", len(bearings), bearings)
         times, values = array.array("d"), array.array("f")
-        for row in reader:
-            if not any(map(str.strip, row)):
-                continue
-            where = f"{path}, row {reader.line_num}"
-            if len(row) != len(names):
-                raise InputError(f"{where}: {len(row)} values; expected {len(names)}, as the names.")
-            times.append(number(row[0], f"{where}: {TIME}"))
+        for line, row in table:
+            times.append(table.seconds(row[0], f"row {line}: {TIME}"))
             values.extend(
-                np.nan if text.strip().lower() in ("", "nan") else number(text, f"{where}: the beam at {name}")
-                for name, text in zip(names[1:], row[1:], strict=True)
+                np.nan if text.strip().lower() in ("", "nan") else table.number(text, f"row {line}: the beam at {name}")
+                for name, text in zip(named, row[1:], strict=True)
             )
     energies = np.asarray(values, np.float32).reshape(len(times), len(bearings))
     if turned:
         energies = energies[:, ::-1]
-    return Sequence(lambda start, stop: energies[start:stop], np.asarray(times, float), (("bearing", axis),), str(path))
+    axes = (("bearing", axis),)
+    seconds = np.asarray(times, float)
+    return Sequence(lambda start, stop: energies[start:stop], seconds, axes, str(path), table.start, table.remarks)
