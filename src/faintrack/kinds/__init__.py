@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 KINDS = {
     "recording": "faintrack.kinds.recording",
     "frames": "faintrack.kinds.frames",
+    "records": "faintrack.kinds.records",
 }
 """Name of each kind, and the module whose `KIND` it is."""
 
