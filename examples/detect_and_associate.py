@@ -33,7 +33,7 @@ from stonesoup.updater.kalman import KalmanUpdater
 from faintrack.metrics.intervals import bootstrap_interval
 from faintrack.metrics.sets import gospa
 from faintrack.studies.kreucher2011 import runs, scene
-from faintrack.studies.kreucher2011.report import CUTOFF, SETTLED
+from faintrack.studies.kreucher2011.tracks import CUTOFF, SETTLED
 from faintrack.studies.kreucher2011.triangulation import crossing
 from faintrack.studies.study import address
 

@@ -80,7 +80,7 @@ class OnPixels(eqx.Module):
 
     likelihood: UnknownLevel
 
-    def log_ratio(self, scan: CellScan, states: PlanarState) -> jax.Array:
+    def log_mean_ratio(self, scan: CellScan) -> jax.Array:
         """Log ratio of every pixel."""
         reach = self.likelihood.parts[0].reach
         return self.likelihood.table(scan)[reach:-reach, reach:-reach, None, None]

@@ -22,7 +22,7 @@ from faintrack.likelihoods.lobe_width import LobeWidth, lobe_width_likelihood
 from faintrack.metrics.intervals import quantile_interval
 from faintrack.sensors.beams import BeamScan
 from faintrack.simulation.spectra import draw_spectra
-from faintrack.studies.bosser2022.runs import LOBE, NOISE_SCANS, make_filter, scene
+from faintrack.studies.bosser2022.scene import LOBE, NOISE_SCANS, make_filter, scene
 
 BATCH, SHARE = 32, 0.01
 

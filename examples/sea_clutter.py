@@ -203,7 +203,7 @@ class OnCells(eqx.Module):
 
     likelihood: ClutterLikelihood
 
-    def log_ratio(self, scan: ClutterScan, states: DopplerState) -> jax.Array:
+    def log_mean_ratio(self, scan: ClutterScan) -> jax.Array:
         """Log ratio of every frequency."""
         return self.likelihood.table(scan)[:, None]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from faintrack.beliefs.axis import Axis, between
 from faintrack.beliefs.grids import Grid
+from faintrack.likelihoods.protocols import log_ratios
 from faintrack.sensors.active import ActiveSonar, Ping, Pulse
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.targets.states import PlanarState
@@ -59,7 +60,7 @@ def planar(x: Any, y: Any, vx: Any = 0.0, vy: Any = 0.0) -> PlanarState:
 
 @eqx.filter_jit
 def log_ratio(likelihood: Any, ping: Ping, states: Any = None) -> jax.Array:
-    return likelihood.log_ratio(ping, states)
+    return log_ratios(likelihood, ping, states)
 
 
 def responses(sonar: ActiveSonar, place: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from scipy.stats import multivariate_normal
 from faintrack.baselines.imm_pda import ImmPda, Models
 from faintrack.baselines.ipda import Ipda, Presumed
 from faintrack.baselines.pda import Association, Gaussian, extended, merged, turned, unscented
+from faintrack.targets.target import Target, rates
 from tests.tolerances import rounding
 
 FALSE, STEP = 0.05, np.array([[1.0, 1.0], [0.0, 1.0]])
@@ -42,10 +43,10 @@ def values_of(scan: Heard) -> tuple[jax.Array, jax.Array]:
 
 def ipda(detection: float, appears: float = 0.1, stays: float = 0.9) -> Ipda:
     # Arrays, so that one compiled step serves all of them.
-    chances = [jnp.asarray(each, float) for each in (appears, stays)]
+    target = Target(None, None, *(jnp.asarray(rate, float) for rate in rates(appears, stays, 1.0)))
     association = Association(first, values_of, jnp.array([[ERROR]]), jnp.asarray(detection, float), FALSE)
     birth = Gaussian(jnp.asarray(BIRTH_MEAN), jnp.asarray(BIRTH))
-    return Ipda(association, birth, jnp.asarray(STEP), jnp.asarray(NOISE), *chances)
+    return Ipda(association, birth, jnp.asarray(STEP), jnp.asarray(NOISE), target, 1.0)
 
 
 def enumerated(

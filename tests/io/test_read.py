@@ -113,13 +113,17 @@ def test_miniseed_channels_and_gaps(tmp_path, samples):
     assert (recording.channel_names, recording.start_time) == (("A", "B", "C"), START)
 
 
-def test_miniseed_channels_are_cut_to_their_common_time(tmp_path, samples):
+def test_miniseed_channels_are_missing_before_they_start_and_after_they_end(tmp_path, samples):
     starts = [START, START + np.timedelta64(1, "s"), START - np.timedelta64(500, "ms")]
     traces(samples, starts, ["A", "B", "C"], ["BDF"] * 3).write(str(tmp_path / "a.mseed"), format="MSEED")
     recording = read(tmp_path / "a.mseed")
-    expected = np.column_stack([samples[100:950, 0], samples[:850, 1], samples[150:, 2]])
+    expected = np.full((1150, 3), np.nan)
+    for column, late in enumerate((50, 150, 0)):
+        expected[late : late + 1000, column] = samples[:, column]
     np.testing.assert_array_equal(whole(recording), expected)
-    assert recording.start_time == starts[1]
+    assert recording.start_time == starts[2]
+    assert "Channel XX.B..BDF has no samples in 1.5 s at the beginning; they are missing." in recording.remarks
+    assert "Channel XX.C..BDF has no samples in 1.5 s at the end; they are missing." in recording.remarks
 
 
 @pytest.mark.parametrize("name", ["rec.wav", "rec.flac", "rec.h5", "rec.zarr", "rec.sac", "rec.mseed"])
@@ -158,23 +162,31 @@ def test_memory_is_bounded(tmp_path, name):
     assert peak < 2e6
 
 
-def test_files_with_start_times_are_trimmed(tmp_path, samples):
+def test_files_with_start_times_stand_on_one_time_axis(tmp_path, samples):
     later = START + np.timedelta64(2004, "ms")  # 0.4 of a sample would be refused, 0.04 is rounding
     write_recording(tmp_path / "a.h5", [samples], 10.0, ("a", "b", "c"), START)
     write_recording(tmp_path / "b.zarr", [samples], 10.0, ("d", "e", "f"), later)
     recording = read(tmp_path / "a.h5", tmp_path / "b.zarr")
-    np.testing.assert_array_equal(whole(recording), np.hstack([samples[20:], samples[:-20]]))
-    np.testing.assert_array_equal(recording.read(5, 7), whole(recording)[5:7])
-    assert (recording.channel_names, recording.start_time) == (tuple("abcdef"), later)
+    expected = np.full((1020, 6), np.nan)
+    expected[:1000, :3], expected[20:, 3:] = samples, samples
+    np.testing.assert_array_equal(whole(recording), expected)
+    for start, stop in ((5, 7), (10, 30), (990, 1020), (19, 20), (1000, 1001)):
+        np.testing.assert_array_equal(recording.read(start, stop), expected[start:stop])
+    assert (recording.channel_names, recording.start_time) == (tuple("abcdef"), START)
+    assert [remark.split(" has ")[1] for remark in recording.remarks] == [
+        "no samples in 2 s at the end; they are missing.",
+        "no samples in 2 s at the beginning; they are missing.",
+    ]
     assert recording.source.endswith("a.h5 and 1 more")
 
 
 def test_channels_of_nameless_files_are_numbered_on(tmp_path, samples):
-    for name in ("a.wav", "b.wav"):
-        write_recording(tmp_path / name, [samples], 100.0)
+    for name, factor in (("a.wav", 1), ("b.wav", 2)):
+        write_recording(tmp_path / name, [samples * factor], 100.0)
     recording = read(tmp_path / "a.wav", tmp_path / "b.wav")
-    np.testing.assert_array_equal(whole(recording), np.hstack([samples, samples]))
+    np.testing.assert_array_equal(whole(recording), np.hstack([samples, samples * 2]))
     assert recording.channel_names == tuple("012345")
+    assert recording.remarks == ()
 
 
 def test_station_names_grow_only_where_they_repeat(tmp_path, samples):

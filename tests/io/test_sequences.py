@@ -79,7 +79,7 @@ WRITERS: dict[str, tuple[str, Callable[[Path, np.ndarray], object]]] = {
     "TIFF compressed": ("a.tiff", lambda path, frames: write_tiff(path, frames, compression="zlib")),
     "TIFF big-endian": ("a.tif", lambda path, frames: write_tiff(path, frames, byteorder=">")),
     "BigTIFF": ("a.tif", lambda path, frames: write_tiff(path, frames, bigtiff=True)),
-    "TIFF of ImageJ": ("a.tif", lambda path, frames: write_tiff(path, frames, imagej=True)),
+    "TIFF of ImageJ": ("a.tif", lambda path, frames: write_tiff(path, frames, imagej=True, metadata={"axes": "TYX"})),
     "PNG": ("a", write_pngs),
 }
 EVERY = pytest.mark.parametrize(("name", "write"), WRITERS.values(), ids=WRITERS)
@@ -257,7 +257,7 @@ class TestOnlyTheStretchIsRead:
 
     @pytest.mark.parametrize("name", ["a.npz", "a.tif", "A.TIFF", "b.mat", "a.zarr"])
     def test_memory_stays_below_the_size_of_the_file(self, tmp_path, name):
-        frames = np.zeros((100, 200, 200), np.uint8)
+        frames = np.ones((100, 200, 200), np.uint8)
         writers = {"a.npz": lambda p, f: np.savez(p, f=f), "b.mat": lambda p, f: write_mat73(p, f=f)}
         writers |= {"a.tif": write_tiff, "A.TIFF": write_separate_pages, "a.zarr": write_bare_zarr}
         writers[name](tmp_path / name, frames)
@@ -398,13 +398,15 @@ def test_pictures_that_do_not_fit_together(tmp_path):
 def test_png_in_colour(tmp_path, mode):
     write_pngs(tmp_path / "a", FRAMES)
     path = tmp_path / "a" / "frame 3.png"
-    Image.new(mode, (7, 5)).save(path)
-    assert sentence_about(path, lambda: read_sequence(tmp_path / "a")).endswith(f"holds {mode}; expected a grey image.")
+    Image.new(mode, (7, 5), (1, 2, 3) if mode == "RGB" else None).save(path)
+    sentence = sentence_about(path, lambda: read_sequence(tmp_path / "a").read(0, 12))
+    assert "; expected a grey image" in sentence or "holds RGB pages; expected grey images" in sentence
 
 
 @pytest.mark.parametrize("photometric", ["rgb", "miniswhite"])
 def test_tiff_in_colour(tmp_path, photometric):
-    frames = np.zeros((2, 5, 7, 3) if photometric == "rgb" else (2, 5, 7), np.uint8)
+    frames = np.arange(210 if photometric == "rgb" else 70, dtype=np.uint8)
+    frames = frames.reshape((2, 5, 7, 3) if photometric == "rgb" else (2, 5, 7))
     tifffile.imwrite(tmp_path / "a.tif", frames, photometric=photometric)
     sentence = sentence_about(tmp_path / "a.tif", lambda: read_sequence(tmp_path / "a.tif"))
     assert sentence.endswith(f"holds {photometric.upper()} pages; expected grey images in which black is 0.")
@@ -424,7 +426,7 @@ def test_tiff_whose_compression_is_unknown(tmp_path):
 def test_unknown_suffix(tmp_path):
     (tmp_path / "a.avi").touch()
     sentence = sentence_about(tmp_path / "a.avi", lambda: read_sequence(tmp_path / "a.avi"))
-    assert "expected .npz, .mat, .zarr, .h5, .hdf5, .tif or .tiff, or a folder of PNG files." in sentence
+    assert "expected .npz, .npy, .mat, .zarr, .h5, .hdf5, .tif or .tiff, or a folder of images." in sentence
 
 
 def test_a_file_lost_after_opening(tmp_path):

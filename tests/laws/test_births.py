@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from faintrack.errors import InputError
-from faintrack.filters.guide_bearings import along_bearings, where_bearings_agree
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets, bearing_set
 from faintrack.targets.births import NormalBirth, RangeBirth
@@ -30,7 +29,7 @@ BIRTH = RangeBirth(HERE, 100.0, 500.0, 4.0, SENSOR.start, SENSOR.width)
 
 @eqx.filter_jit
 def along(scan: BearingSet, key: jax.Array) -> tuple[PlanarState, jax.Array]:
-    return along_bearings(BearingSetLikelihood(SENSOR), scan, BIRTH, key, COUNT)
+    return BearingSetLikelihood(SENSOR).propose(scan, BIRTH, key, COUNT)
 
 
 def test_normal_birth_has_its_moments() -> None:
@@ -71,7 +70,7 @@ def test_draws_where_observers_agree_stand_for_the_birth_density() -> None:
     sets = jax.tree.map(lambda *parts: jnp.stack(parts), *heard)
     scan = ObserverSets(jnp.array(0.0), sets, jnp.array([True, True, False]))
     likelihood = ObserversLikelihood(BearingSetLikelihood(SENSOR))
-    draw = eqx.filter_jit(lambda key: where_bearings_agree(likelihood, scan, BIRTH, key, 400))
+    draw = eqx.filter_jit(lambda key: likelihood.propose(scan, BIRTH, key, 400))
     told, ratios = [], []
     for key in jax.random.split(jax.random.key(4), 60):
         states, log_weights = draw(key)

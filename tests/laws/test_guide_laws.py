@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.filters.guide import guide
 from faintrack.sensors.beams import BeamScan
 from tests.scenes import CIRCLE, LINE, Scene, log_ratio
 from tests.tolerances import assert_mean
@@ -29,7 +28,7 @@ def guided(request: pytest.FixtureRequest) -> tuple[Scene, np.ndarray, np.ndarra
     @jax.jit
     @jax.vmap
     def one(key: jax.Array) -> tuple[jax.Array, jax.Array]:
-        states, log_weights = guide(likelihood, scan, birth, key, COUNT)
+        states, log_weights = likelihood.propose(scan, birth, key, COUNT)
         unit = (jnp.stack(jax.tree.leaves(states)) - low) / (high - low)
         ratio = jnp.exp(likelihood.log_ratio(scan, states))
         return jnp.exp(log_weights), jnp.concatenate([ratio[None], unit])

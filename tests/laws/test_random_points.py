@@ -38,7 +38,7 @@ def points(count: int, seed: int = 0) -> RandomPoints:
 def test_the_mean_is_unbiased(count: int) -> None:
     """4,000 scans, 5 standard errors; the more states, the smaller the spread: by the root of their number to 10 %."""
     middles = GRID.states()
-    found = jax.jit(jax.vmap(lambda time: points(count).log_ratio(Scan(time))))(jnp.arange(float(RUNS)))
+    found = jax.jit(jax.vmap(lambda time: points(count).log_mean_ratio(Scan(time))))(jnp.arange(float(RUNS)))
     ratios = np.exp(np.asarray(found, float))
     assert_mean(ratios, np.asarray(1 + 2 * middles.x + 3 * middles.vy))
     # A uniform number over a width w has the variance w^2 / 12.
@@ -48,7 +48,7 @@ def test_the_mean_is_unbiased(count: int) -> None:
 
 def test_the_same_scan_has_the_same_states() -> None:
     """By its time and the key; others have others."""
-    ratio = eqx.filter_jit(lambda points, time: points.log_ratio(Scan(time)))
+    ratio = eqx.filter_jit(lambda points, time: points.log_mean_ratio(Scan(time)))
     first = ratio(points(3), jnp.array(60.0))
     assert np.array_equal(first, ratio(points(3), jnp.array(60.0)))
     for other in (ratio(points(3), jnp.array(60.5)), ratio(points(3, seed=1), jnp.array(60.0))):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from faintrack.filters.resampling import systematic
+from faintrack.numerics.resampling import systematic
 from tests.tolerances import STANDARD_ERRORS, rounding
 
 SIZE, SLOTS = 12, 40

@@ -10,8 +10,10 @@ import xarray as xr
 
 from faintrack.errors import InputError
 from faintrack.sensors.active import ping
-from faintrack.studies.aughenbaugh2010 import report, runs, scene, study
+from faintrack.studies.aughenbaugh2010 import rows as study_rows
+from faintrack.studies.aughenbaugh2010 import runs, scene, study
 from faintrack.studies.aughenbaugh2010.settings import SETTINGS
+from faintrack.studies.printed import PRINTED
 from faintrack.studies.study import Results
 
 RUNS = 6
@@ -72,10 +74,11 @@ def made_up(error: float, lost: int = 0) -> Callable[[str], xr.Dataset]:
 
 
 def test_rows_say_what_the_runs_have(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "update_seconds", lambda pulse, method: (0.02, 0.005))
-    told = study.rows(made_up(700.0))
-    rows = {row.key: row for row in told}
-    assert len(rows) == len(told)
+    monkeypatch.setattr(study_rows, "update_seconds", lambda pulse, method: (0.02, 0.005))
+    reported = study.rows(made_up(700.0))
+    rows = {row.key: row for row in reported}
+    assert len(rows) == len(reported)
+    assert set(PRINTED["aughenbaugh2010"]) < set(rows)
     expected = {
         "fm_guided_rmse_km": 0.7,
         "cw_random1_fine_velocity_rmse": 2.0,
@@ -97,7 +100,7 @@ def test_rows_say_what_the_runs_have(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_lost_returns_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "update_seconds", lambda pulse, method: (0.02, 0.005))
+    monkeypatch.setattr(study_rows, "update_seconds", lambda pulse, method: (0.02, 0.005))
     with pytest.raises(InputError, match="fm_guided: 3 returns of a ping found no place"):
         study.rows(made_up(700.0, lost=3))
 

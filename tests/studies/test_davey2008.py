@@ -8,7 +8,8 @@ import xarray as xr
 
 from faintrack.errors import InputError
 from faintrack.sensors.cells import CellScan
-from faintrack.studies.davey2008 import report, scene, study
+from faintrack.studies.davey2008 import rows as study_rows
+from faintrack.studies.davey2008 import runs, scene, study
 from faintrack.targets.states import PlanarState
 from tests.tolerances import rounding
 
@@ -19,9 +20,9 @@ def test_a_pixel_has_the_mean_ratio_of_its_places() -> None:
     scan = CellScan(jnp.array(0.0), jnp.asarray(power))
     x, y = np.meshgrid(7 + np.array([-1, 0, 1]) / 3, 9 + np.array([-1, 0, 1]) / 3)
     still = np.zeros(x.shape)
-    places = model.log_ratio(scan, PlanarState(*(jnp.asarray(each, jnp.float32) for each in (x, y, still, still))))
-    found = scene.PixelMean(model).log_ratio(scan, scene.scene().grid.grid.states())[7, 9]
-    assert np.exp(found) == pytest.approx(np.exp(np.asarray(places, float)).mean(), rel=100 * rounding(np.float32))
+    places = model.log_ratio(scan, PlanarState(*(jnp.asarray(values, jnp.float32) for values in (x, y, still, still))))
+    mean = scene.PixelMean(model).log_ratio(scan, scene.scene().grid.grid.states())[7, 9]
+    assert np.exp(mean) == pytest.approx(np.exp(np.asarray(places, float)).mean(), rel=100 * rounding(np.float32))
 
 
 def test_the_target_stays_in_the_image() -> None:
@@ -34,7 +35,7 @@ def test_the_target_stays_in_the_image() -> None:
 def made_up(statistic: np.ndarray, error: np.ndarray) -> xr.Dataset:
     both = {"statistic": statistic, "error": error}
     return xr.Dataset(
-        {f"{method}_{what}": (("run", "scan"), values) for method in scene.METHODS for what, values in both.items()}
+        {f"{method}_{what}": (("run", "scan"), values) for method in runs.METHODS for what, values in both.items()}
     )
 
 
@@ -47,18 +48,18 @@ def test_rows_count_what_they_say() -> None:
     statistic, error = np.zeros((4, scene.SCANS)), np.full((4, scene.SCANS), 0.5)
     statistic[0, 12 : scene.LEAVES + 3] = statistic[1, 15:20] = 9.0
     error[1] = 8.0
-    runs = {"noise_6": made_up(noise, 0 * noise), "target_6": made_up(statistic, error)}
+    made = {"noise_6": made_up(noise, 0 * noise), "target_6": made_up(statistic, error)}
 
     def results(name: str) -> xr.Dataset:
-        if name not in runs:
+        if name not in made:
             raise InputError(f"no runs of {name}")
-        return runs[name]
+        return made[name]
 
-    found = {method: report.declared(results, method, 6) for method in scene.METHODS}
-    assert found["grid"] is not None
-    assert report.declared(results, "grid", 3) is None
-    assert 1 < found["grid"].threshold < 5
-    rows = {row.key: row.ours for row in report.of_method("k", "label", found["grid"])}
+    by_method = {method: study_rows.declared(results, method, 6) for method in runs.METHODS}
+    assert by_method["grid"] is not None
+    assert study_rows.declared(results, "grid", 3) is None
+    assert 1 < by_method["grid"].threshold < 5
+    rows = {row.key: row.ours for row in study_rows.of_method("k", "label", by_method["grid"])}
     assert rows["k_detected"] == 0.25
     assert rows["k_instantaneous"] == pytest.approx(18 / 80)
     assert rows["k_delay"] == np.inf

@@ -1,12 +1,17 @@
 """Folders that are not what is asked for: one sentence that says what was found, and nothing touched."""
 
+import importlib.util
 import json
+import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from faintrack.errors import InputError
+from faintrack.studies import folder
 from faintrack.studies.folder import open_folder
 from faintrack.studies.study import load, run_batch
 from tests.studies.small import WHERE, other, study
@@ -24,7 +29,7 @@ def path(tmp_path: Path) -> Path:
 
 def change(path: Path, **fields: object) -> None:
     file = path / "study.json"
-    file.write_text(json.dumps(json.loads(file.read_text()) | fields))
+    file.write_text(json.dumps(json.loads(file.read_text(encoding="utf-8")) | fields), encoding="utf-8")
 
 
 def refuse(path: Path, says: str, which: object = study, resume: bool = True, **asked: object) -> None:
@@ -94,7 +99,7 @@ def test_another_seed_or_number_of_runs(path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", "null", DAMAGED])
 def test_a_description_that_is_damaged(path: Path, text: str) -> None:
-    (path / "study.json").write_text(text)
+    (path / "study.json").write_text(text, encoding="utf-8")
     refuse(path, "study.json cannot be read")
 
 
@@ -120,7 +125,7 @@ def test_runs_that_are_damaged(path: Path, file: str, content: bytes) -> None:
 
 @pytest.mark.parametrize("file", ["place/.zarray", ".zgroup"])
 def test_no_runs_are_added_to_damaged_ones(path: Path, file: str) -> None:
-    (path / "runs.zarr" / "short" / file).write_text("garbage")
+    (path / "runs.zarr" / "short" / file).write_text("garbage", encoding="utf-8")
     refuse(path, "short is damaged; delete it and run again with --resume", runs=60)
 
 
@@ -138,10 +143,52 @@ def test_two_studies_on_one_folder(path: Path) -> None:
         refuse(path, "in use by another study")
 
 
+def test_the_lock_of_windows(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The module is read again as it is on Windows, where there is no fcntl; what it asks of the system is noted."""
+    locked: list[tuple[int, int]] = []
+
+    def locking(file: int, mode: int, count: int) -> None:
+        if locked:
+            raise OSError("in use")
+        locked.append((mode, count))
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setitem(sys.modules, "fcntl", None)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "msvcrt", SimpleNamespace(LK_NBLCK=2, locking=locking))  # type: ignore[arg-type]
+    specification = importlib.util.spec_from_file_location("folder_of_windows", folder.__file__)
+    module = importlib.util.module_from_spec(specification)
+    monkeypatch.setitem(sys.modules, "folder_of_windows", module)
+    specification.loader.exec_module(module)
+    with module.open_folder(path, study, None, False, None, resume=True):
+        assert locked == [(2, 1)]
+        with (
+            pytest.raises(InputError, match="in use by another study"),
+            module.open_folder(path, study, None, False, None, resume=True),
+        ):
+            pass
+
+
+@pytest.mark.parametrize("parameters", [{"step": 1.5}, {}, {"step": 1.0, "stride": 2.0}])
+def test_runs_with_other_parameters(path: Path, parameters: dict[str, float]) -> None:
+    short, *others = study.settings
+    changed = replace(study, settings=(replace(short, parameters=parameters), *others))
+    with open_folder(path, changed, None, False, None, resume=True) as at:
+        for read in (at.missing, lambda setting: at.results(setting.name)):
+            with pytest.raises(InputError, match=r"short has runs with (step = 1.0|stride = None); it is .* now"):
+                read(changed.settings[0])
+
+
 def test_a_study_that_does_not_exist() -> None:
     for where in ("nothing", "no.such.module:study", "tests.studies.small:nothing", "tests.studies.small:rows"):
         with pytest.raises(InputError, match=where):
             load(where)
+
+
+def test_a_study_in_the_folder_one_stands_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "walks_here.py").write_text("from tests.studies.small import study\n", encoding="utf-8")
+    monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry])
+    monkeypatch.chdir(tmp_path)
+    assert load("walks_here:study").name == "small"
 
 
 def test_a_setting_that_does_not_exist() -> None:

@@ -10,8 +10,9 @@ import pytest
 import xarray as xr
 
 from faintrack.errors import InputError
-from faintrack.studies.kreucher2011 import report, runs, scene, study, triangulation
+from faintrack.studies.kreucher2011 import runs, scene, study, tracks, triangulation
 from faintrack.studies.kreucher2011.settings import DECLARING, SETTINGS
+from faintrack.studies.printed import PRINTED
 from faintrack.studies.study import Results
 from faintrack.targets.states import PlanarState
 from tests.tolerances import rounding
@@ -114,9 +115,10 @@ def made_up(end: str = "held") -> Results:
 
 
 def test_rows_say_what_the_runs_have() -> None:
-    told = study.rows(made_up())
-    rows = {row.key: row for row in told}
-    assert len(rows) == len(told)
+    reported = study.rows(made_up())
+    rows = {row.key: row for row in reported}
+    assert len(rows) == len(reported)
+    assert set(PRINTED["kreucher2011"]) < set(rows)
     expected = {
         "declared_mean": 3,
         "false_tracks_mean": 0,
@@ -145,17 +147,17 @@ def test_rows_say_what_the_runs_have() -> None:
 @pytest.mark.parametrize("end", ["lost", "merged", "swapped"])
 def test_what_comes_of_a_close_pass(end: str) -> None:
     for name, before in (("close_3", 1), ("coarse", runs.FROM)):
-        passed = report.before_and_after(report.tracks_of(made_up(end)(name)), before)
+        passed = tracks.before_and_after(tracks.tracks_of(made_up(end)(name)), before)
         assert {what: values.tolist() for what, values in passed.items()} == {
             what: [what == end] * RUNS for what in ("lost", "merged", "swapped")
         }
 
 
 def test_a_track_of_nothing_is_false() -> None:
-    (tracks, *_) = report.tracks_of(made_up()("coarse"))
-    assert tracks.false() == 0
-    tracks.place[:, 1] += 400.0
-    assert tracks.false() == 1
+    (run, *_) = tracks.tracks_of(made_up()("coarse"))
+    assert run.false() == 0
+    run.place[:, 1] += 400.0
+    assert run.false() == 1
 
 
 def test_figures_are_drawn(tmp_path: Path) -> None:

@@ -9,19 +9,21 @@ import pytest
 import xarray as xr
 
 from faintrack.errors import InputError
-from faintrack.studies.liu2013 import report, runs, scene, study
+from faintrack.studies.liu2013 import panels, runs, scene, study
+from faintrack.studies.liu2013 import rows as study_rows
 from faintrack.studies.liu2013.settings import GROUPS, SETTINGS
+from faintrack.studies.printed import PRINTED
 
 RUNS = 5
 
 
 def test_scans_with_a_target_are_those_that_the_papers_shares_count() -> None:
     """All six of its table 2 are whole numbers of scans in 100 runs: of 15 without a target, of 25 with one."""
-    there = scene.present()
-    assert (there.sum(), (~there).sum()) == (25, 15)
-    for false, found in report.PAPER.values():
-        assert 1500 * false == pytest.approx(round(1500 * false), abs=0.06)
-        assert 2500 * found == pytest.approx(round(2500 * found), abs=1e-6)
+    present = scene.present()
+    assert (present.sum(), (~present).sum()) == (25, 15)
+    for key, share in PRINTED["liu2013"].items():
+        scans, error = (1500, 0.06) if key.startswith("pfa") else (2500, 1e-6)
+        assert scans * share == pytest.approx(round(scans * share), abs=error)
 
 
 def test_observer_has_the_papers_speed_and_turns_twice() -> None:
@@ -36,7 +38,7 @@ def test_observer_has_the_papers_speed_and_turns_twice() -> None:
 def test_false_bearings_raise_the_bound() -> None:
     path = scene.path(jax.random.key(1))
     runs = {name: (("run", "scan"), np.asarray(component)[None]) for name, component in (("x", path.x), ("y", path.y))}
-    alone, among = report.bound(xr.Dataset(runs))
+    alone, among = study_rows.bound(xr.Dataset(runs))
     assert len(alone) == 25
     assert np.all(among >= alone)
     # One bearing is better than none.
@@ -69,10 +71,11 @@ def made_up(lost: int = 0) -> Callable[[str], xr.Dataset]:
 
 
 def test_rows_say_what_the_runs_have(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "bound", lambda data: (np.full(25, 10.0), np.full(25, 16.0)))
-    told = study.rows(made_up())
-    rows = {row.key: row for row in told}
-    assert len(rows) == len(told)
+    monkeypatch.setattr(study_rows, "bound", lambda data: (np.full(25, 10.0), np.full(25, 16.0)))
+    reported = study.rows(made_up())
+    rows = {row.key: row for row in reported}
+    assert len(rows) == len(reported)
+    assert set(PRINTED["liu2013"]) < set(rows)
     expected = {
         "pfa_particle": 1 / 15,
         "pd_particle_full": 23 / 25,
@@ -108,7 +111,7 @@ def test_lost_bearings_are_refused() -> None:
 
 
 def test_figures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("faintrack.studies.liu2013.pictures.bound", lambda data: (np.full(25, 10.0), np.full(25, 16.0)))
+    monkeypatch.setattr(panels, "bound", lambda data: (np.full(25, 10.0), np.full(25, 16.0)))
     drawn = study.figures(made_up(), tmp_path)
     names = ["figure_1", "figure_2", "figure_3", "figure_4", "roc", "influence", "particles"]
     assert [path.stem for path in drawn] == names

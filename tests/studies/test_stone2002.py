@@ -26,7 +26,7 @@ def test_prior_is_the_papers() -> None:
 @pytest.mark.parametrize(("position", "velocity"), [(40, 1), (2, -3), (99, 5), (103, 2)])
 def test_surface_is_the_sum_over_all_paths(position: int, velocity: int) -> None:
     values = np.random.default_rng(1).normal(size=(3, 100))
-    found = jax.jit(simulation.surfaces)(CellScan(jnp.arange(3.0), jnp.asarray(values, jnp.float32)))
+    surfaces = jax.jit(simulation.surfaces)(CellScan(jnp.arange(3.0), jnp.asarray(values, jnp.float32)))
     # Two cells of silence on either side; cells of the sensor are numbered from 1.
     share = np.array([0.5, 1.0, 0.5]) * simulation.LEVEL
     logs = []
@@ -34,15 +34,17 @@ def test_surface_is_the_sum_over_all_paths(position: int, velocity: int) -> None
         end = [position - 2 * velocity - first - second, position - velocity - second, position]
         if not 1 <= end[0] <= 100:
             continue
-        told = sum(
+        log_ratio = sum(
             u * values[time, cell - 1] - u * u / 2
             for time, place in enumerate(end)
             for cell, u in zip((place - 1, place, place + 1), share, strict=True)
             if 1 <= cell <= 100
         )
-        logs.append(math.log(1 / 2700) + math.log(simulation.PLANT[first + 1] * simulation.PLANT[second + 1]) + told)
+        logs.append(
+            math.log(1 / 2700) + math.log(simulation.PLANT[first + 1] * simulation.PLANT[second + 1]) + log_ratio
+        )
     expected = logsumexp(logs) if logs else -np.inf
-    assert found[2, position + 70, velocity + 3] == pytest.approx(expected, rel=30 * rounding(np.float32), abs=1e-5)
+    assert surfaces[2, position + 70, velocity + 3] == pytest.approx(expected, rel=30 * rounding(np.float32), abs=1e-5)
 
 
 def test_false_alarms_by_change_of_measure_are_those_counted() -> None:
@@ -52,18 +54,20 @@ def test_false_alarms_by_change_of_measure_are_those_counted() -> None:
         for run in (simulation.modelled, simulation.noise)
     )
     scan, threshold = 1, 0.0
-    found, error = log_probability_under_noise(drawn["peak"][:, scan] > threshold, drawn["log_ratio"][:, scan])
+    log_probability, error = log_probability_under_noise(
+        drawn["peak"][:, scan] > threshold, drawn["log_ratio"][:, scan]
+    )
     counted = (noise["peak"][:, scan] > threshold).mean()
     assert 0.01 < counted < 0.2
-    spread = math.hypot(error * math.exp(found), math.sqrt(counted * (1 - counted) / len(keys)))
-    assert abs(math.exp(found) - counted) < STANDARD_ERRORS * spread
+    spread = math.hypot(error * math.exp(log_probability), math.sqrt(counted * (1 - counted) / len(keys)))
+    assert abs(math.exp(log_probability) - counted) < STANDARD_ERRORS * spread
 
 
 def test_a_probability_below_the_smallest_double() -> None:
     # One normal number, mean 60 under the target: P0(y > 60) is about 1e-784.
     y = 60 + np.random.default_rng(0).normal(size=20_000)
-    found, error = log_probability_under_noise(y > 60, 60 * y - 60**2 / 2)
-    assert found == pytest.approx(norm.logsf(60), abs=STANDARD_ERRORS * error)
+    log_probability, error = log_probability_under_noise(y > 60, 60 * y - 60**2 / 2)
+    assert log_probability == pytest.approx(norm.logsf(60), abs=STANDARD_ERRORS * error)
     assert error < 0.1
 
 
@@ -78,7 +82,7 @@ def test_periscope_follows_the_simplified_recursion() -> None:
     level = Level(jnp.full(power.shape, 6.0), jnp.full(power.shape, 6.0))
     likelihood = ClutterLikelihood(periscope.scene().cells, 2.0)
     scans = ClutterScan(jnp.arange(3) * periscope.INTERVAL, jnp.asarray(power), level)
-    found, _ = jax.jit(periscope.follow)(scans, likelihood)
+    over_range, _ = jax.jit(periscope.follow)(scans, likelihood)
     ratio = np.exp(np.asarray(jax.vmap(likelihood.table)(scans), float))
     velocity = periscope.RATES.values
     # Every state by itself: its prior in the first scan, then what has come from a feet before, and births.
@@ -93,7 +97,7 @@ def test_periscope_follows_the_simplified_recursion() -> None:
                 if 0 <= place - shift < periscope.RANGES:
                     moved[place, number] += expected[place - shift, number]
         expected = moved * ratio[scan][:, None]
-    np.testing.assert_allclose(np.exp(found[-1]), expected.sum(axis=1), rtol=1e-4)
+    np.testing.assert_allclose(np.exp(over_range[-1]), expected.sum(axis=1), rtol=1e-4)
 
 
 def test_a_window_that_moves_carries_its_weights_along() -> None:

@@ -32,7 +32,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.baselines.cfar import CellAveraging, Detections
 from faintrack.targets.states import BearingState
-from faintrack.targets.target import Target
+from faintrack.targets.target import Target, odds_of
 from faintrack.trackers.single import Estimate
 
 FORGET_SCANS = 30.0
@@ -123,9 +123,9 @@ class DetectAndTrack(eqx.Module):
     def step(self, standing: Standing, scan: Any, key: PRNGKeyArray) -> tuple[Standing, Estimate]:
         """Take in one scan; `key` is not used."""
         interval = scan.time - standing.time
-        born, stays = self.target.transition(interval)
+        born, _ = self.target.transition(interval)
         detections = self.detector.detect(scan)
-        tracks = self._predict(standing.tracks, interval, stays)
+        tracks = self._predict(standing.tracks, interval)
         tracks, explained = self._associate(tracks, detections, scan.channels >= 2)
         tracks = self._prune(tracks)
         tracks, started = self._start(tracks, detections, explained, born, standing.started)
@@ -159,7 +159,7 @@ class DetectAndTrack(eqx.Module):
         """Take in a stack of scans in one compiled loop; the estimates are stacked."""
         return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), standing, scans)
 
-    def _predict(self, tracks: Tracks, interval: Array, stays: Array | float) -> Tracks:
+    def _predict(self, tracks: Tracks, interval: Array) -> Tracks:
         motion = self.target.motion
         a, b, c = motion.noise(interval)
         spread = motion.rate_noise**2
@@ -174,8 +174,7 @@ class DetectAndTrack(eqx.Module):
             axis=1,
         )
         # The highest score survives no better than the score does; else one miss would end a track that was certain.
-        there = jnp.log(stays) + jax.nn.log_sigmoid(jnp.stack([tracks.score, tracks.highest]))
-        score, highest = there - jnp.log1p(-jnp.exp(there))
+        score, highest = odds_of(self.target.forecast(jnp.stack([tracks.score, tracks.highest]), interval).stayed)
         return Tracks(bearing, rate, covariance, score, highest, tracks.excess, tracks.label)
 
     def _associate(self, tracks: Tracks, detections: Detections, usable: Array) -> tuple[Tracks, Bool[Array, " beam"]]:

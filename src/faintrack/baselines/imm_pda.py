@@ -65,16 +65,13 @@ class ImmPda(eqx.Module):
 
     def predict(self, models: Models) -> Models:
         """Belief carried to the next scan: mixed, then moved."""
-        there = models.existence
-        before = jnp.stack([1 - there, there])
-        appears, stays = jnp.asarray(self.single.appears), jnp.asarray(self.single.stays)
-        change = jnp.stack([jnp.stack([1 - appears, appears]), jnp.stack([1 - stays, stays])])
-        joint = before[:, None] * change
+        forecast = self.single.target.forecast(models.log_odds, self.single.interval)
+        joint = jnp.exp(jnp.array([[forecast.none, forecast.appeared], [forecast.left, forecast.stayed]]))
         after = joint.sum(axis=0)
         # A model that cannot be has no mixture; it keeps its own state.
         weights = jnp.where(after > 0, joint / jnp.where(after > 0, after, 1), jnp.eye(2))
         mixed = jax.vmap(merged, in_axes=(1, None))(weights, models.states)
-        return Models(jax.vmap(self.single.moved)(mixed), jnp.log(after[1]) - jnp.log(after[0]))
+        return Models(jax.vmap(self.single.moved)(mixed), forecast.log_odds)
 
     def step(self, models: Models, scan: Any) -> tuple[Models, Float[Array, ""]]:
         """Carry a belief to a scan and take it in; returns the log evidence of the target too."""

@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 
 from faintrack.baselines.pda import Association, Gaussian, merged
 from faintrack.numerics.precision import full_precision
+from faintrack.targets.target import Target
 
 
 class Presumed(eqx.Module):
@@ -49,15 +50,16 @@ class Ipda(eqx.Module):
     association : how detections are told apart.
     birth : density of a target that appears.
     transition, noise : F and Q of the motion from scan to scan.
-    appears, stays : p_b and p_s, a scan.
+    target : arrival and departure.
+    interval : between scans; seconds.
     """
 
     association: Association
     birth: Gaussian
     transition: Float[Array, "component component"]
     noise: Float[Array, "component component"]
-    appears: Float[Array, ""] | float
-    stays: Float[Array, ""] | float
+    target: Target
+    interval: float
 
     def init(self, existence: float = 0.0) -> Presumed:
         """Belief before any scan."""
@@ -66,16 +68,13 @@ class Ipda(eqx.Module):
 
     def predict(self, presumed: Presumed) -> Presumed:
         """Belief carried to the next scan."""
-        there, absent = jax.nn.log_sigmoid(presumed.log_odds), jax.nn.log_sigmoid(-presumed.log_odds)
-        survived = jnp.log(self.stays) + there
-        arrived = jnp.log(self.appears) + absent
-        log_existence = jnp.logaddexp(survived, arrived)
-        log_absence = jnp.logaddexp(jnp.log1p(-self.stays) + there, jnp.log1p(-self.appears) + absent)
+        forecast = self.target.forecast(presumed.log_odds, self.interval)
         moved = self.moved(presumed.state)
         # Where no target can be yet, the birth density is all there is.
-        share = jnp.where(log_existence > -jnp.inf, jnp.exp(survived - log_existence), 0)
+        possible = forecast.existence > -jnp.inf
+        share = jnp.where(possible, jnp.exp(forecast.stayed - forecast.existence), 0)
         both = jax.tree.map(lambda *parts: jnp.stack(parts), moved, self.birth)
-        return Presumed(merged(jnp.stack([share, 1 - share]), both), log_existence - log_absence)
+        return Presumed(merged(jnp.stack([share, 1 - share]), both), forecast.log_odds)
 
     @full_precision
     def moved(self, state: Gaussian) -> Gaussian:

@@ -23,8 +23,8 @@ from jaxtyping import Array, Float
 
 from faintrack.beliefs.belief import Belief, mode
 from faintrack.beliefs.grids import Grid
-from faintrack.filters.run import Likelihood
 from faintrack.filters.shifts import Shifts
+from faintrack.likelihoods.protocols import CellMeans, Likelihood, log_ratios
 
 
 class Viterbi(eqx.Module):
@@ -44,7 +44,7 @@ class Viterbi(eqx.Module):
     survival: float
 
 
-def follow(viterbi: Viterbi, likelihood: Likelihood, scans: Any) -> tuple[Float[Array, " scan"], Any]:
+def follow(viterbi: Viterbi, likelihood: Likelihood | CellMeans, scans: Any) -> tuple[Float[Array, " scan"], Any]:
     """Score of the best path after every scan, and the state in which it ends.
 
     Parameters
@@ -68,7 +68,7 @@ def follow(viterbi: Viterbi, likelihood: Likelihood, scans: Any) -> tuple[Float[
         absent = jnp.maximum(math.log1p(-viterbi.birth), math.log1p(-viterbi.survival) + jnp.max(before))
         moved, _ = viterbi.transport.carry(before, time, scan.time, unused)
         moved = jnp.maximum(log_birth, math.log(viterbi.survival) + moved)
-        score = moved + likelihood.log_ratio(scan, states) - absent
+        score = moved + log_ratios(likelihood, scan, states) - absent
         best = jnp.max(score)
         return (score, scan.time), (best, mode(Belief(states, score, best, scan.time)))
 

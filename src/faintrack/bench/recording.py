@@ -1,14 +1,16 @@
 """A recording from samples to tracks, against the clock on the wall."""
 
+from typing import Any
+
 import numpy as np
 
 from faintrack.bench.machine import Machine, beam_operations
 from faintrack.bench.rows import Row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.data.recording import from_samples
-from faintrack.kinds.session import track
-from faintrack.scenario.build import build_beamformer
-from faintrack.scenario.model import Analysis, FilterTable, Scenario
+from faintrack.kinds.door import track
+from faintrack.kinds.recording.build import build_beamformer
+from faintrack.kinds.scenario import Scenario
 from faintrack.sensors.array import line_array
 
 SAMPLE_RATE = 4000.0
@@ -21,11 +23,13 @@ def track_55ch_realtime(machine: Machine, sizes: Sizes) -> Row:
     array = line_array(channels, 0.375)
     samples = np.random.default_rng(0).standard_normal((round(duration * SAMPLE_RATE), channels), dtype=np.float32)
     recording = from_samples(samples, SAMPLE_RATE)
-    scenario = Scenario(
-        analysis=Analysis(beams=sizes.beams), filter=FilterTable(particles=sizes.particles, births=sizes.births)
+    scenario: Any = Scenario(
+        array=array,
+        analysis={"beams": sizes.beams},
+        filter={"particles": sizes.particles, "births": sizes.births},
     )
-    timing = timed(lambda: track(recording, array, scenario=scenario).tracks, sizes.repeat_seconds)
-    grid = build_beamformer(scenario, array, SAMPLE_RATE).grid
+    timing = timed(lambda: track(recording, scenario).tracks, sizes.repeat_seconds)
+    grid = build_beamformer(scenario.analysis, array, SAMPLE_RATE).grid
     operations = beam_operations(grid.frequency.size, grid.beams, channels, grid.snapshots)
     # Bearing and SNR take three normal numbers a particle.
     limit = duration * machine.seconds(operations, 3 * (sizes.particles + sizes.births))

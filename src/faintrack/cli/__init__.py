@@ -5,6 +5,7 @@ What a command needs is imported when it runs, so that `--help` answers at once.
 
 import gc
 import sys
+from typing import Annotated
 
 import typer
 
@@ -22,9 +23,20 @@ app.command("demo")(commands.demo)
 app.command("simulate")(commands.simulate)
 app.command("track")(commands.track)
 app.command("report")(commands.report)
+app.command("info")(commands.info)
+app.command("init")(commands.init)
 app.command("calibrate")(commands.calibrate)
 app.command("bench")(commands.bench)
 app.add_typer(study.app, name="study")
+
+
+@app.callback(invoke_without_command=True)
+def _options(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        from importlib.metadata import version as version_of
+
+        print(f"faintrack {version_of('faintrack')}")
+        raise typer.Exit
 
 
 SELDOM = 100_000

@@ -3,22 +3,28 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object for programs.")]
+Files = Annotated[list[Path], typer.Argument(help="Files of one kind of data, or a folder of images.")]
+KindName = Annotated[str | None, typer.Option("--kind", help="Kind of data, where files and scenario do not tell.")]
+ScenarioFile = Annotated[Path | None, typer.Option(help="TOML file of what to run; faintrack init writes one.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="SECTION.FIELD=VALUE", help="A field of the scenario; may be given several times."),
+]
 ArrayFile = Annotated[Path | None, typer.Option(help="TOML or Acoular XML with the channels' positions.")]
 Band = Annotated[tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequencies to use; Hz.")]
-Frame = Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans; 1 s where not given.")]
-ScenarioFile = Annotated[Path | None, typer.Option(help="TOML file with everything else.")]
+Frame = Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans of a recording; 1 s if not given.")]
 Method = Annotated[
     str | None, typer.Option(help="bernoulli, track before detect; cfar, detect and track; the scenario's else.")
 ]
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for recording, array file and result.")] = Path("demo"),
+    out: Annotated[Path, typer.Option(help="Folder for recording, scenario and result.")] = Path("demo"),
 ) -> None:
     """Simulate a faint source, track it from the file, and leave a report.
 
@@ -29,68 +35,57 @@ def demo(
     """
     from importlib.resources import files
 
-    from faintrack.cli.running import run_simulation, run_track
-    from faintrack.cli.tables import print_findings
-    from faintrack.io import read, read_array
+    from faintrack import Scenario, simulate, track
+    from faintrack.cli.progress import progress_bar
+    from faintrack.cli.tables import print_result
     from faintrack.io.arrays import array_toml
-    from faintrack.io.results import make_folder
-    from faintrack.scenario import read as read_scenario
-    from faintrack.scenario.simulate import simulated_array
+    from faintrack.results.folder import make_folder
+    from faintrack.scenario.array import build
 
-    scenario = read_scenario(Path(str(files("faintrack.scenario") / "demo.toml")))
-    array = simulated_array(scenario, Path())
+    scenario: Any = Scenario.read(Path(str(files("faintrack.scenario") / "demo.toml")))
     make_folder(out)
-    recording_file, array_file = out / "recording.wav", out / "array.toml"
-    array_file.write_text(array_toml(array))
-    run_simulation(scenario, array, recording_file)
-    result = run_track(read(recording_file), read_array(array_file), scenario, out / "result", quiet=False)
-    print_findings(result)
-    print(f"recording  {recording_file}")
+    recording, array = out / "recording.wav", out / "array.toml"
+    array.write_text(array_toml(build(scenario.array)), encoding="utf-8")
+    simulate(scenario, recording)
+    with progress_bar("tracking", quiet=False) as advance:
+        result = track(recording, scenario, array=array, truth=scenario, out=out / "result", progress=advance)
+    print_result(result)
+    print(f"recording  {recording}")
     print(f"report     {out / 'result' / 'report.html'}")
 
 
 def simulate(
-    scenario: Annotated[Path, typer.Argument(help="TOML file with [array] and [simulation].")],
-    out: Annotated[Path, typer.Option(help="Recording to write: .h5 (as Acoular), .wav or .zarr.")],
+    scenario: Annotated[Path, typer.Argument(help="TOML file with [simulation].")],
+    out: Annotated[Path, typer.Option(help="File to write; .zarr holds every kind of data.")],
+    settings: Settings = None,
 ) -> None:
-    """Draw the samples of an array that hears moving sources in noise.
+    """Draw data with the targets that a scenario describes.
 
     Example: [bold]faintrack simulate scenario.toml --out recording.h5[/bold]
     """
-    from faintrack.cli.running import run_simulation
-    from faintrack.errors import naming
-    from faintrack.scenario import read as read_scenario
-    from faintrack.scenario.simulate import simulated_array
+    from faintrack import simulate as draw
+    from faintrack.cli.options import sections_of
 
-    what = read_scenario(scenario)
-    with naming(scenario):
-        run_simulation(what, simulated_array(what, scenario.parent), out)
-    print(f"recording  {out}")
+    draw(scenario, out, **sections_of(settings))
+    print(f"written    {out}")
 
 
 def track(
-    recording: Annotated[
-        list[Path],
-        typer.Argument(
-            help="WAV, FLAC, HDF5, Zarr, SAC, miniSEED; channels of several files are put side by side. "
-            "Or frames: TIFF, npz, a folder of PNG; MAT, Zarr with a scenario that has \\[frames]. "
-            "Or returns of an active sonar: CSV, Zarr with a scenario that has \\[sonar]. "
-            "Or one record (npz, HDF5, Zarr, CSV) or recording for each array of a scenario that has \\[\\[stations]]. "
-            "Or sets of bearings: CSV, Zarr with a scenario that has \\[bearings]."
-        ),
-    ],
+    files: Files,
+    scenario: ScenarioFile = None,
+    kind: KindName = None,
     array: ArrayFile = None,
     band: Band = None,
     frame: Frame = None,
-    scenario: ScenarioFile = None,
     method: Method = None,
+    settings: Settings = None,
     truth: Annotated[
-        Path | None, typer.Option(help="AIS reports of ships, CSV or NMEA, to lay over the tracks of several arrays.")
+        Path | None, typer.Option(help="Where targets were: CSV, or AIS reports of ships, to lay over the tracks.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Find and follow the sources in a recording, the targets in frames, sonar returns, bearings, several arrays.
+    """Find and follow the targets in recordings, frames, sonar returns, bearings, records of several arrays.
 
     Example: [bold]faintrack track night.wav --array array.toml --band 100 1500 --out night[/bold]
 
@@ -98,38 +93,68 @@ def track(
 
     Example: [bold]faintrack track returns.csv --scenario scenario.toml --out returns[/bold]
 
-    Example: [bold]faintrack track bearings.csv --scenario scenario.toml --out bearings[/bold]
-
     Example: [bold]faintrack track south.npz east.npz --scenario stations.toml --out tracks[/bold]
     """
-    from faintrack.cli import running
-    from faintrack.cli.tables import print_tracks
-    from faintrack.errors import InputError
-    from faintrack.io import match_channels, read, read_bearings, read_returns
+    from faintrack import track as run
+    from faintrack.cli.options import sections_of
+    from faintrack.cli.progress import progress_bar
+    from faintrack.cli.tables import print_result
 
-    only_array = {"--array": array, "--band": band, "--frame": frame, "--method": method}
-    alone = running.scenario_without_array(recording, scenario, only_array)
-    if truth is not None and (alone is None or alone.stations is None):
-        raise InputError(f"there is --truth {truth}; expected a --scenario FILE with [[stations]] with it.")
-    if alone is not None and alone.stations is not None:
-        assert scenario is not None
-        result = running.run_track_records(recording, scenario, alone, truth, out, quiet=as_json)
-    elif alone is not None and alone.sonar is not None:
-        result = running.run_track_returns(read_returns(recording[0]), alone, out, quiet=as_json)
-    elif alone is not None and alone.bearings is not None:
-        result = running.run_track_bearings(read_bearings(recording[0]), alone, out, quiet=as_json)
-    elif alone is not None:
-        result = running.run_track_frames(running.open_sequence(recording[0], alone), alone, out, quiet=as_json)
-    else:
-        what, geometry = running.scenario_and_array(scenario, array, band, frame, method)
-        samples = read(*recording)
-        result = running.run_track(samples, match_channels(geometry, samples), what, out, quiet=as_json)
+    sections = sections_of(settings, kind, array, band, frame, method)
+    with progress_bar("tracking", quiet=as_json) as advance:
+        # Without a folder only tables are printed: what pictures need is not kept.
+        result = run(files, scenario, out=out, truth=truth, progress=advance, pictures=out is not None, **sections)
     if as_json:
         print(json.dumps(result.summary()))
     else:
-        print_tracks(result)
+        print_result(result)
         if out is not None:
             print(f"report     {out / 'report.html'}")
+
+
+def info(
+    files: Files,
+    scenario: ScenarioFile = None,
+    kind: KindName = None,
+    settings: Settings = None,
+    as_json: Json = False,
+) -> None:
+    """Tell what files hold, what was assumed, and the command that tracks them.
+
+    Example: [bold]faintrack info night.wav[/bold]
+    """
+    from faintrack import info as tell
+    from faintrack.cli.options import sections_of
+
+    about = tell(*files, scenario=scenario, **sections_of(settings, kind))
+    print(json.dumps(about.as_dict()) if as_json else about)
+
+
+def init(
+    kind: Annotated[str, typer.Argument(help="Kind of data; faintrack init --help lists them.")],
+    out: Annotated[Path | None, typer.Option(help="File to write; printed where not given.")] = None,
+) -> None:
+    """Write a scenario of a kind of data with every field, its default and what it means.
+
+    Kinds: recording, frames, returns, bearings, records, and those in faintrack.kinds.KINDS.
+
+    Example: [bold]faintrack init frames --out scenario.toml[/bold]
+    """
+    from faintrack.kinds.commented import commented_scenario
+
+    text = commented_scenario(kind)
+    if out is None:
+        print(text, end="")
+        return
+    from faintrack.errors import InputError
+
+    if out.exists():
+        raise InputError(f"{out} exists; expected another name for --out.")
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{out} cannot be written ({error.strerror}).") from error
+    print(f"scenario   {out}")
 
 
 def report(
@@ -140,50 +165,50 @@ def report(
 
     Example: [bold]faintrack report night[/bold]
     """
-    from faintrack.io.results import read_result
-    from faintrack.plots.report import write_report
+    from faintrack import read_result
 
-    result = read_result(folder)
-    print(f"report     {write_report(out or folder / 'report.html', result)}")
+    print(f"report     {read_result(folder).report(out or folder / 'report.html')}")
 
 
 def calibrate(
+    scenario: ScenarioFile = None,
+    kind: KindName = None,
     array: ArrayFile = None,
     band: Band = None,
     frame: Frame = None,
-    scenario: ScenarioFile = None,
     method: Method = None,
-    sample_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Of the recordings; 2.5 times the band where not given.")
-    ] = None,
+    settings: Settings = None,
     probability: Annotated[float, typer.Option(help="Of a false track in the duration.")] = 1e-3,
     duration: Annotated[float, typer.Option(metavar="SECONDS", help="Time that the probability is for.")] = 180.0,
     runs: Annotated[int | None, typer.Option(min=2, help="Runs to draw; enough where not given.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
+    sample_rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Of recordings; 2.5 times the band where not given.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Find the threshold that noise passes as rarely as is wished.
 
     Example: [bold]faintrack calibrate --array array.toml --band 100 1500 --probability 0.01 --duration 3600[/bold]
     """
-    from faintrack.cli.running import run_calibration, scenario_and_array
-    from faintrack.errors import InputError
+    from faintrack import calibrate as find
+    from faintrack.cli.options import sections_of
+    from faintrack.cli.progress import progress_bar
 
-    what, geometry = scenario_and_array(scenario, array, band, frame, method)
-    if sample_rate is None:
-        if what.analysis.band is None:
-            raise InputError("no sample rate was given; expected --sample-rate HZ, or a --band to take it from.")
-        sample_rate = 2.5 * what.analysis.band[1]
-    found = run_calibration(what, geometry, sample_rate, probability, duration, runs, seed, quiet=as_json)
-    threshold = found.threshold
+    sections = sections_of(settings, kind, array, band, frame, method)
+    if sample_rate is not None:
+        sections["simulation"] = {"duration": duration, **sections.get("simulation", {}), "sample_rate": sample_rate}
+    with progress_bar("calibrating", quiet=as_json) as advance:
+        calibrated = find(scenario, probability, duration, runs, seed, advance, **sections)
+    threshold = calibrated.threshold
     if as_json:
         interval = [threshold.low, threshold.high]
-        told = {"threshold": threshold.value, "interval": interval, "by": found.by, "runs": found.runs}
-        print(json.dumps({**told, "probability": probability, "duration": duration}))
+        plain = {"threshold": threshold.value, "interval": interval, "by": calibrated.by, "runs": calibrated.runs}
+        print(json.dumps({**plain, "probability": probability, "duration": duration}))
     else:
         print(f"threshold  {threshold.value:.5f}, 95 % interval {threshold.low:.5f} to {threshold.high:.5f}")
         print(f"for        a false track in {duration:g} s with probability {probability:g}")
-        print(f"found by   {found.by}, {found.runs} runs")
+        print(f"found by   {calibrated.by}, {calibrated.runs} runs")
         print(f"scenario   [tracker] declare = {threshold.value:.5f}")
 
 

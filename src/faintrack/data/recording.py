@@ -25,6 +25,7 @@ class Recording:
     channel_names : a name for each channel, in the order of the columns.
     start_time : time of the first sample in UTC, or None where the source does not tell.
     source : where the samples come from, for messages.
+    remarks : what was assumed, left out, or does not fit; one sentence each.
     """
 
     read: Callable[[int, int], np.ndarray]
@@ -33,6 +34,7 @@ class Recording:
     channel_names: tuple[str, ...]
     start_time: np.datetime64 | None = None
     source: str = "samples in memory"
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.sample_rate) and self.sample_rate > 0):

@@ -24,6 +24,7 @@ class Sequence(Lattice):
     axes : name and values of each axis of a frame, in the order of the array; the names are components of a state.
     source : where the frames come from, for messages.
     start_time : what time 0 is in UTC, or None where the source does not tell.
+    remarks : what was assumed, left out, or does not fit; one sentence each.
     """
 
     read: Callable[[int, int], np.ndarray]
@@ -31,6 +32,7 @@ class Sequence(Lattice):
     axes: tuple[tuple[str, Axis], ...]
     source: str = "frames in memory"
     start_time: np.datetime64 | None = None
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.times) < 1:

@@ -9,8 +9,8 @@ Prediction mixes the survivors with newborn targets (bosser2022, eq. 1):
 with the survivors resampled and moved, and the newborn drawn from the birth density afresh. The measurement enters by
 `faintrack.beliefs.belief.update`, the same for every filter.
 
-In continuous time a target may also leave and another appear within one interval (`Target.replacement`); that part of
-:math:`p_s q` belongs to the newborn.
+In continuous time a target may also leave and another appear within one interval; that part of :math:`p_s q` belongs to
+the newborn (`faintrack.targets.target.Target.forecast`).
 
 A loud source has a likelihood far narrower than the gaps between newborn particles. Newborn particles may then be
 **guided**: drawn where the scan points, with weights that make up for it, so that they still stand for the birth
@@ -26,7 +26,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief
-from faintrack.filters.resampling import systematic
+from faintrack.numerics.resampling import systematic
 from faintrack.targets.target import Target
 
 Guide = Callable[[Any, PRNGKeyArray, int], tuple[Any, Float[Array, " count"]]]
@@ -80,13 +80,7 @@ class BernoulliParticleFilter(eqx.Module):
         dtype = belief.log_weights.dtype
         time = jnp.asarray(time, dtype)
         interval = time - belief.time
-        appears, stays = self.target.transition(interval)
-        there, absent = jax.nn.log_sigmoid(belief.log_odds), jax.nn.log_sigmoid(-belief.log_odds)
-        replaced = self.target.replacement(interval)
-        survived = jnp.log(stays - replaced) + there
-        arrived = jnp.logaddexp(jnp.log(appears) + absent, jnp.log(replaced) + there)
-        log_existence = jnp.logaddexp(survived, arrived)
-        log_absence = jnp.logaddexp(jnp.log1p(-stays) + there, jnp.log1p(-appears) + absent)
+        forecast = self.target.forecast(belief.log_odds, interval)
 
         slots = self._slots
         chosen = self.resample(for_resampling, belief.log_weights, self.particles, slots)
@@ -100,17 +94,14 @@ class BernoulliParticleFilter(eqx.Module):
             correction = correction - jax.nn.logsumexp(correction) + jnp.log(self.births)
         states = jax.tree.map(lambda old, new: jnp.concatenate([old, new.astype(dtype)]), survivors, newborn)
 
-        # Where no target can exist yet, as in a scan at the time of the start, the newborn are what is believed.
-        possible = log_existence > -jnp.inf
-        share_survived = jnp.where(possible, survived - log_existence, -jnp.inf)
-        share_arrived = jnp.where(possible, arrived - log_existence, 0)
-        each = jnp.where(jnp.arange(slots) < self.particles, share_survived - jnp.log(self.particles), -jnp.inf)
-        each_newborn = share_arrived - jnp.log(self.births) + correction
+        of_same, of_new = forecast.shares
+        each_survivor = jnp.where(jnp.arange(slots) < self.particles, of_same - jnp.log(self.particles), -jnp.inf)
+        each_newborn = of_new - jnp.log(self.births) + correction
         assert belief.born is not None
         return Belief(
             states,
-            jnp.concatenate([each, each_newborn]).astype(dtype),
-            log_existence - log_absence,
+            jnp.concatenate([each_survivor, each_newborn]).astype(dtype),
+            forecast.log_odds,
             time,
             jnp.concatenate([belief.born[chosen], jnp.full(self.births, time)]),
         )

@@ -25,9 +25,9 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief
 from faintrack.filters.bernoulli_particle import Resample
-from faintrack.filters.resampling import systematic
-from faintrack.filters.run import Likelihood
+from faintrack.likelihoods.protocols import Likelihood
 from faintrack.numerics.draws import uniform
+from faintrack.numerics.resampling import systematic
 from faintrack.targets.target import Target
 
 
@@ -107,7 +107,8 @@ class ExistenceParticleFilter(eqx.Module):
         dtype, count = belief.log_weights.dtype, self.particles
         time = jnp.asarray(time, dtype)
         interval = time - belief.time
-        appears, stays = self.target.transition(interval)
+        # What becomes of a truth without a target, and of one with it.
+        chances = jax.tree.map(jnp.exp, self.target.forecast(jnp.array([-jnp.inf, jnp.inf], dtype), interval))
 
         log_effective = -jax.nn.logsumexp(2 * belief.log_weights)
         scarce = log_effective < jnp.log(self.scarce * count)
@@ -116,10 +117,9 @@ class ExistenceParticleFilter(eqx.Module):
         log_weights = jnp.where(scarce, -jnp.log(count).astype(dtype), belief.log_weights)
         states = jax.tree.map(lambda component: component[chosen], belief.states)
 
-        change = uniform(for_bit, (count,), dtype)
-        present = change < jnp.where(states.present, stays, appears)
-        # A target that leaves and is replaced within the interval is a new one.
-        begins = present & (~states.present | (change < self.target.replacement(interval)))
+        change, before = uniform(for_bit, (count,), dtype), states.present.astype(jnp.int32)
+        new = chances.appeared + chances.replaced
+        begins, present = change < new[before], change < (new + chances.same)[before]
         # A particle moves or is born: the two may come from the same random numbers.
         moved = self.target.motion.move(states.state, interval, for_state)
         newborn = self.target.birth.sample(for_state, count)

@@ -105,26 +105,17 @@ class GridFilter(eqx.Module):
         mixed, log_lost = self._moved(belief, time, key)
         log_kept = jnp.log1p(-jnp.minimum(jnp.exp(log_lost), 1))
 
-        appears, stays = self.target.transition(interval)
-        replaced = self.target.replacement(interval)
-        there, absent = jax.nn.log_sigmoid(belief.log_odds), jax.nn.log_sigmoid(-belief.log_odds)
-        same = jnp.log(stays - replaced) + there
-        survived = same + log_kept
-        off = same + log_lost
-        arrived = jnp.logaddexp(jnp.log(appears) + absent, jnp.log(replaced) + there)
-        log_absence = jnp.logaddexp(jnp.log1p(-stays) + there, jnp.log1p(-appears) + absent)
+        forecast = self.target.forecast(belief.log_odds, interval)
+        off_grid = forecast.same + log_lost
+        forecast = forecast._replace(same=forecast.same + log_kept)
         if self.returns:
-            arrived = jnp.logaddexp(arrived, off)
+            forecast = forecast._replace(replaced=jnp.logaddexp(forecast.replaced, off_grid))
         else:
-            log_absence = jnp.logaddexp(log_absence, off)
-        log_existence = jnp.logaddexp(survived, arrived)
-        # Where no target can exist yet, as in a scan at the time of the start, the newborn are what is believed.
-        possible = log_existence > -jnp.inf
-        share_survived = jnp.where(possible, survived - log_existence, -jnp.inf)
-        share_arrived = jnp.where(possible, arrived - log_existence, 0)
-        log_weights = mixed(share_survived, share_arrived)
-        log_odds = log_existence - (absent if self.simplified else log_absence)
-        return Belief(belief.states, log_weights, log_odds, time)
+            forecast = forecast._replace(left=jnp.logaddexp(forecast.left, off_grid))
+        log_odds = forecast.log_odds
+        if self.simplified:
+            log_odds = forecast.existence - jax.nn.log_sigmoid(-belief.log_odds)
+        return Belief(belief.states, mixed(*forecast.shares), log_odds, time)
 
     def _moved(
         self, belief: Belief, time: Float[Array, ""], key: PRNGKeyArray

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief, update
-from faintrack.filters.guide import guide
+from faintrack.likelihoods.protocols import CellMeans, Likelihood, Proposing, log_ratios
 from faintrack.targets.target import Target
 
 
@@ -25,46 +25,32 @@ class Filter(Protocol):
     def init(self, key: PRNGKeyArray, time: float = 0.0) -> Belief:
         """Belief before any scan."""
 
-    def predict(self, belief: Belief, time: Any, key: PRNGKeyArray) -> Belief:
-        """Belief carried forward to `time`."""
-
-
-@runtime_checkable
-class Likelihood(Protocol):
-    """Says how much likelier a scan is with a target at each state than without one."""
-
-    def log_ratio(self, scan: Any, states: Any) -> Array:
-        """Natural log of p(scan | target at state) / p(scan | no target)."""
-
-
-Proposal = Callable[..., tuple[Any, Array]]
-"""Function of (likelihood, scan, birth, key, count) to newborn states and their log weights: `guide`, or its like."""
+    def predict(self, belief: Belief, time: Float[Array, ""], key: PRNGKeyArray) -> Belief:
+        """Belief carried forward to `time`; seconds."""
 
 
 @eqx.filter_jit
 def step(
     filter: Filter,
-    likelihood: Likelihood,
+    likelihood: Likelihood | CellMeans,
     belief: Belief,
     scan: Any,
     key: PRNGKeyArray,
-    guided: bool | Proposal = False,
+    guided: bool = False,
 ) -> tuple[Belief, Float[Array, ""]]:
     """Predict to the time of a scan and take it in; returns the belief and the log evidence.
 
-    With `guided`, newborn particles are drawn where the scan points: by `faintrack.filters.guide`, or as a function
-    such as `faintrack.filters.guide_bearings.along_bearings` does.
+    With `guided`, newborn particles are drawn where the scan points, by a likelihood that can propose them.
     """
-    propose = guide if guided is True else guided
-    more = {"guide": partial(propose, likelihood, scan)} if propose else {}
-    predicted = filter.predict(belief, scan.time, key, **more)
-    return update(predicted, likelihood.log_ratio(scan, predicted.states))
+    proposed = {"guide": partial(likelihood.propose, scan)} if guided and isinstance(likelihood, Proposing) else {}
+    predicted = filter.predict(belief, scan.time, key, **proposed)
+    return update(predicted, log_ratios(likelihood, scan, predicted.states))
 
 
 @eqx.filter_jit
 def run(
     filter: Filter,
-    likelihood: Likelihood,
+    likelihood: Likelihood | CellMeans,
     scans: Any,
     key: PRNGKeyArray,
     keep: Callable[[Belief], Any] = lambda belief: belief,

@@ -9,20 +9,21 @@ A CSV file has a row for every report. The first row names the columns, in any o
 `longitude`           degrees; also `longitude_deg`, `longitude_degrees`, `lon`
 ====================  ==========================================================
 
-or `x_m` and `y_m` in place of the last two. Files of NMEA sentences (`.nmea`, `.ais`, `.txt`, `.log`) need the time of
-each sentence in its tag block, :code:`\\\\c:1452603731*5C\\\\!AIVDM,...`, in seconds or milliseconds since 1970.
+or `x_m` and `y_m`, or whatever components a place has, in place of the last two. Files of NMEA sentences (`.nmea`,
+`.ais`, `.txt`, `.log`) need the time of each sentence in its tag block, :code:`\\\\c:1452603731*5C\\\\!AIVDM,...`, in
+seconds or milliseconds since 1970.
 """
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from faintrack.data.ships import Ship
 from faintrack.errors import InputError
 from faintrack.io.checks import explained, number, require_file, utc
-from faintrack.kinds.truth_ships import Ship
 
 COLUMNS = {
     "time": ("time",),
@@ -30,8 +31,6 @@ COLUMNS = {
     "ship": ("mmsi", "name"),
     "latitude": ("latitude", "latitude_deg", "latitude_degrees", "lat"),
     "longitude": ("longitude", "longitude_deg", "longitude_degrees", "lon"),
-    "x": ("x_m",),
-    "y": ("y_m",),
 }
 """Names in files of what a report tells."""
 
@@ -40,12 +39,13 @@ NOT_AVAILABLE = 91.0
 """Latitude that stands for none in AIS."""
 
 
-def read_ships(path: str | Path) -> list[Ship]:
+def read_ships(path: str | Path, components: Sequence[str] = ("x_m", "y_m")) -> list[Ship]:
     """Ships of a file of AIS reports, in the order in which they appear.
 
     Parameters
     ----------
     path : CSV file, or NMEA sentences, told by suffix; see the module.
+    components : columns of a place that is not told in degrees.
 
     Raises
     ------
@@ -67,17 +67,17 @@ def read_ships(path: str | Path) -> list[Ship]:
     if suffix != ".csv" and suffix not in NMEA:
         raise InputError(f"{path}: unknown kind of file; expected .csv, or {', '.join(NMEA)} for NMEA sentences.")
     require_file(path)
-    reports, in_utc, degrees = _read_csv(path) if suffix == ".csv" else (_read_nmea(path), True, True)
+    reports, in_utc, degrees = _read_csv(path, components) if suffix == ".csv" else (_read_nmea(path), True, True)
     if not reports:
         raise InputError(f"{path}: there is no report of a position.")
     return _ships(reports, in_utc, degrees)
 
 
-def _ships(reports: Iterable[tuple[str, float, float, float]], in_utc: bool, degrees: bool) -> list[Ship]:
+def _ships(reports: Iterable[tuple[Any, ...]], in_utc: bool, degrees: bool) -> list[Ship]:
     """Reports put together by ship, in the order of time; of several at one time the first."""
-    by_name: dict[str, list[tuple[float, float, float]]] = {}
+    by_name: dict[str, list[list[float]]] = {}
     for name, *report in reports:
-        by_name.setdefault(name, []).append((report[0], report[1], report[2]))
+        by_name.setdefault(name, []).append(report)
     ships = []
     for name, rows in by_name.items():
         values = np.array(rows)
@@ -86,22 +86,22 @@ def _ships(reports: Iterable[tuple[str, float, float, float]], in_utc: bool, deg
     return ships
 
 
-def _read_csv(path: Path) -> tuple[list[tuple[str, float, float, float]], bool, bool]:
+def _read_csv(path: Path, components: Sequence[str]) -> tuple[list[tuple[Any, ...]], bool, bool]:
     with explained(f"{path} cannot be read as CSV"), path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file)
         names = [name.strip().lower() for name in next(reader)]
         found = {}
-        for what, known in COLUMNS.items():
+        for what, known in {**COLUMNS, **{name: (name,) for name in components}}.items():
             number_of = next((names.index(name) for name in known if name in names), None)
             if number_of is not None:
                 found[what] = number_of
         in_utc, degrees = "time" in found, "latitude" in found
-        axes = ("latitude", "longitude") if degrees else ("x", "y")
+        axes = ("latitude", "longitude") if degrees else tuple(components)
         for what in ("time" if in_utc else "time_s", "ship", *axes):
             if what not in found:
                 raise InputError(
-                    f"{path}: there is no column {COLUMNS[what][0]}; expected time, mmsi, latitude and longitude, or "
-                    "time_s, name, x_m and y_m."
+                    f"{path}: there is no column {COLUMNS.get(what, (what,))[0]}; expected time, mmsi, latitude and "
+                    f"longitude, or time_s, name, {' and '.join(components)}."
                 )
         reports = []
         for row in reader:
@@ -116,11 +116,11 @@ def _read_csv(path: Path) -> tuple[list[tuple[str, float, float, float]], bool, 
             else:
                 time = number(row[found["time_s"]], f"{where}: time_s")
             place = [number(row[found[axis]], f"{where}: {axis}") for axis in axes]
-            reports.append((row[found["ship"]].strip(), time, place[0], place[1]))
+            reports.append((row[found["ship"]].strip(), time, *place))
     return reports, in_utc, degrees
 
 
-def _read_nmea(path: Path) -> list[tuple[str, float, float, float]]:
+def _read_nmea(path: Path) -> list[tuple[Any, ...]]:
     try:
         from pyais.stream import FileReaderStream
     except ImportError as error:

@@ -17,7 +17,8 @@ import numpy as np
 
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError
-from faintrack.io.checks import as_float, explained, require_file
+from faintrack.io import limits
+from faintrack.io.checks import as_float, reader, require_file, require_rate
 
 _SAC_HEADER_BYTES = 632
 # Which of network, station, location and channel code are tried, shortest first.
@@ -64,8 +65,9 @@ def station_names(identifiers: Sequence[str]) -> tuple[str, ...]:
     return names
 
 
+@reader("SAC")
 def open_sac(path: Path) -> Recording:
-    """Recording of one SAC file; samples in the file's own unit, often raw counts.
+    """Recording of one SAC file; samples in the file's own unit, often raw counts; -12345 on end is none.
 
     Raises
     ------
@@ -73,28 +75,45 @@ def open_sac(path: Path) -> Recording:
     """
     require_file(path)
     sac = obspy_module("obspy.io.sac", path)
-    with explained(f"{path} cannot be read as SAC"), warnings.catch_warnings():
+    if path.stat().st_size < _SAC_HEADER_BYTES:
+        raise InputError(f"{path} is shorter than the header of a SAC file.")
+    with warnings.catch_warnings():
         # ObsPy warns of values that the checks below refuse.
         warnings.simplefilter("ignore")
         header = sac.SACTrace.read(str(path), headonly=True)
         if not header.leven or header.iftype != "itime":
             raise InputError(f"{path} is a SAC file of kind {header.iftype}; expected an evenly sampled time series.")
         length = int(header.npts)
-        rate = _sample_rate(header.delta) if header.delta else 0.0
+        rate = require_rate(_sample_rate(header.delta) if header.delta else 0.0, path)
         codes = (header.knetwk, header.kstnm, header.khole, header.kcmpnm)
-        start = None if header.nzyear is None else utc_of(header.reftime + float(header.b or 0.0))
+        start = None if header.nzyear is None else _start(path, header)
         sample_type = np.dtype(np.float32).newbyteorder(header.byteorder)
-    held = (path.stat().st_size - _SAC_HEADER_BYTES) // sample_type.itemsize
+    held, rest = divmod(path.stat().st_size - _SAC_HEADER_BYTES, sample_type.itemsize)
     if held < length:
         raise InputError(f"{path} holds {held} of the {length} samples that its header promises.")
+    remarks = []
+    if held > length or rest:
+        remarks.append(
+            f"The file holds {held} samples, {held - length} more than its header tells; those are left out."
+        )
+    scale = header.scale
+    if scale is not None and scale not in (0.0, 1.0):
+        remarks.append(f"The header tells a scale of {scale:g}; samples are used as they stand.")
 
     def read_samples(begin: int, end: int) -> np.ndarray:
-        with explained(f"{path} cannot be read as SAC"):
-            samples = np.memmap(path, sample_type, "r", _SAC_HEADER_BYTES, shape=(length, 1))
-            return as_float(samples[begin:end].copy())
+        samples = np.memmap(path, sample_type, "r", _SAC_HEADER_BYTES, shape=(length, 1))
+        return as_float(samples[begin:end].copy())
 
     identifier = ".".join((code or "").strip() for code in codes)
-    return Recording(read_samples, length, rate, (identifier,), start, str(path))
+    return Recording(read_samples, length, rate, (identifier,), start, str(path), tuple(remarks))
+
+
+def _start(path: Path, header: Any) -> np.datetime64:
+    """Time of the first sample."""
+    moment = header.reftime + float(header.b or 0.0)
+    if not limits.FIRST_YEAR <= moment.year <= limits.LAST_YEAR:
+        raise InputError(f"{path} has samples of the year {moment.year}.")
+    return utc_of(moment)
 
 
 def _sample_rate(spacing: float) -> float:

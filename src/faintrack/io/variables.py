@@ -1,4 +1,4 @@
-"""Named arrays of npz, MAT, Zarr and HDF5 files, not read before they are asked for.
+"""Named arrays of npz, npy, MAT, Zarr and HDF5 files, not read before they are asked for.
 
 Each reader gives a table from name to `Variable`: shape, type and one function that reads a part. What a part costs
 differs with the format:
@@ -6,18 +6,20 @@ differs with the format:
 ==================================  =======================================
 file                                a part is read
 ==================================  =======================================
-npz written by `numpy.savez`        alone
+npy; npz written by `numpy.savez`   alone
 npz written compressed              out of the whole array, kept in memory
 Zarr                                by the chunks that it touches
-MAT up to version 7.2               out of the whole array, kept in memory
+MAT up to version 7.2               alone; compressed: out of the array, kept
 MAT of version 7.3, which is HDF5   alone, or by the chunks that it touches
 HDF5                                alone, or by the chunks that it touches
 ==================================  =======================================
 
-A chunk that a Zarr folder lacks reads as the array's fill value. One that is cut short is refused, except where Blosc
-packed it for version 2 of the format: numcodecs does not compare its length with its header.
+What HDF5 and Zarr do not hold is NaN, see `faintrack.io.stored`. A chunk of Zarr that is cut short is refused, except
+where Blosc packed it for version 2 of the format: numcodecs does not compare its length with its header.
 """
 
+import math
+import struct
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,9 +29,11 @@ from typing import Any, Literal
 import numpy as np
 
 from faintrack.errors import InputError
-from faintrack.io.checks import explained, require_file
+from faintrack.io import limits
+from faintrack.io.checks import explained, reader, require_file, require_folder, require_room
+from faintrack.io.stored import Slices, attributes_of, hdf5_values, zarr_values
 
-Slices = tuple[slice, ...]
+__all__ = ["Slices", "Variable", "in_memory", "mapped", "open_hdf5", "open_mat", "open_npy", "open_npz", "open_zarr"]
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,7 @@ class Variable:
     read : function of one slice an axis, to the values there.
     dims : names of the axes, where the file tells.
     attributes : what else the file tells of it.
+    remarks : what was assumed or left out; one sentence each.
     """
 
     shape: tuple[int, ...]
@@ -50,6 +55,7 @@ class Variable:
     read: Callable[[Slices], np.ndarray]
     dims: tuple[str, ...] | None = None
     attributes: Mapping[str, Any] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
 
 def in_memory(values: np.ndarray) -> Variable:
@@ -92,10 +98,34 @@ def mapped(
         with explained(complaint):
             return np.array(np.memmap(path, dtype, "r", offset, shape, order)[part])
 
+    size = path.stat().st_size
+    if offset + math.prod(shape) * dtype.itemsize > size:
+        raise InputError(
+            f"{complaint} (an array of {math.prod(shape) * dtype.itemsize} bytes from byte {offset} on, in a file of "
+            f"{size} bytes)."
+        )
     read((slice(0),) * len(shape))
     return Variable(shape, dtype, read, dims)
 
 
+@reader("npy")
+def open_npy(path: Path) -> dict[str, Variable]:
+    """The one array of an npy file, which is called `frames`.
+
+    Raises
+    ------
+    InputError : no such file, or damaged.
+    """
+    require_file(path)
+    with path.open("rb") as file:
+        shape, fortran, dtype = _header(file)
+        offset = file.tell()
+    if dtype.hasobject or 0 in shape:
+        return {"frames": in_memory(np.empty((0,) * len(shape), dtype))}
+    return {"frames": mapped(path, f"{path} cannot be read as npy", dtype, shape, offset, "F" if fortran else "C")}
+
+
+@reader("npz")
 def open_npz(path: Path) -> dict[str, Variable]:
     """Arrays of an npz file.
 
@@ -104,37 +134,70 @@ def open_npz(path: Path) -> dict[str, Variable]:
     InputError : no such file, or damaged.
     """
     require_file(path)
-    complaint = f"{path} cannot be read as npz"
-    with explained(complaint), zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(path) as archive:
         members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
-        return {
-            member.filename.removesuffix(".npy"): _npz_variable(path, complaint, archive, member) for member in members
-        }
+        if len(members) > limits.MOST_NAMES:
+            raise InputError(f"{path} holds {len(members)} arrays; expected at most {limits.MOST_NAMES}.")
+        return {member.filename.removesuffix(".npy"): _npz_variable(path, archive, member) for member in members}
 
 
-def _npz_variable(path: Path, complaint: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Variable:
+def _header(file: Any) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, whether in Fortran's order, and type of an array in NumPy's format."""
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    version = np.lib.format.read_magic(file)
+    if version not in readers:
+        raise InputError(f"an array has version {version} of NumPy's format; expected 1 or 2.")
+    shape, fortran, dtype = readers[version](file)
+    if len(shape) > 32 or any(type(count) is not int or count < 0 for count in shape):
+        raise InputError(f"an array has the shape {str(shape)[:80]}.")
+    return shape, fortran, dtype
+
+
+def _npz_variable(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Variable:
+    name = member.filename.removesuffix(".npy")
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or member.flag_bits & 1:
+        raise InputError(f"{path}: {name} is packed or locked in another way than NumPy does.")
     with archive.open(member) as file:
-        header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        shape, fortran, dtype = header[np.lib.format.read_magic(file)](file)
+        shape, fortran, dtype = _header(file)
         skipped = file.tell()
+    size = math.prod(shape) * dtype.itemsize
+    if dtype.hasobject or 0 in shape:
+        return Variable(shape, dtype, _refused_objects)
+    if member.file_size != skipped + size:
+        raise InputError(f"{path}: {name} has shape {shape} and {member.file_size - skipped} bytes; expected {size}.")
+    if shape and member.compress_type == zipfile.ZIP_STORED:
+        with path.open("rb") as raw:
+            # The local header stands before a member: 30 bytes, of which the last 4 tell lengths of name and extra.
+            raw.seek(member.header_offset)
+            local = raw.read(30)
+        if local[:4] != b"PK\x03\x04" or len(local) < 30:
+            raise InputError(f"{path}: {name} has no header of its own.")
+        lengths = struct.unpack("<HH", local[26:])
+        offset = member.header_offset + 30 + sum(lengths) + skipped
+        return mapped(path, f"{path} cannot be read as npz", dtype, shape, offset, "F" if fortran else "C")
+    require_room(member.file_size, min(member.compress_size, path.stat().st_size), f"{path}: {name}")
+    if size > limits.MOST_HELD:
+        raise InputError(
+            f"{path}: {name} is compressed and has {size} bytes; expected at most {limits.MOST_HELD}, or numpy.savez."
+        )
 
     def read_whole(part: Slices) -> np.ndarray:
-        with explained(complaint), np.load(path) as arrays:
-            return arrays[member.filename.removesuffix(".npy")][part]
+        with zipfile.ZipFile(path) as archive, archive.open(member.filename) as file:
+            file.read(skipped)
+            content = file.read(size)
+            # Its checksum is looked at where the content ends.
+            if len(content) < size or file.read(1):
+                raise InputError(f"{path}: {name} holds {len(content)} of {size} bytes.")
+        return np.frombuffer(content, dtype).reshape(shape, order="F" if fortran else "C")[part]
 
-    if dtype.hasobject or not shape or 0 in shape:
-        return Variable(shape, dtype, read_whole)
-    if member.compress_type != zipfile.ZIP_STORED:
-        return _kept(Variable(shape, dtype, read_whole))
-    with path.open("rb") as file:
-        # The local header stands before a member: 30 bytes, of which the last 4 tell the lengths of name and extra.
-        file.seek(member.header_offset + 26)
-        name, extra = np.frombuffer(file.read(4), "<u2").tolist()
-    offset = member.header_offset + 30 + name + extra + skipped
-    return mapped(path, complaint, dtype, shape, offset, "F" if fortran else "C")
+    return kept(Variable(shape, dtype, read_whole))
 
 
-def _kept(variable: Variable) -> Variable:
+def _refused_objects(part: Slices) -> np.ndarray:
+    raise InputError("the array holds objects of Python, or nothing; expected numbers.")
+
+
+def kept(variable: Variable) -> Variable:
     """The same, read whole when first asked for and kept."""
     values: list[np.ndarray] = []
 
@@ -146,6 +209,7 @@ def _kept(variable: Variable) -> Variable:
     return Variable(variable.shape, variable.dtype, read)
 
 
+@reader("a Zarr folder")
 def open_zarr(path: Path) -> dict[str, Variable]:
     """Arrays of a Zarr folder: of a group, or one bare array, which is then called `frames`.
 
@@ -157,47 +221,49 @@ def open_zarr(path: Path) -> dict[str, Variable]:
     """
     import zarr
 
-    if not path.is_dir():
-        raise InputError(f"{path} {'is a file; expected a Zarr folder' if path.exists() else 'does not exist'}.")
-    complaint = f"{path} cannot be read as a Zarr folder"
-    with explained(complaint):
-        store = zarr.open(path, mode="r")
-        arrays = [("frames", store)] if isinstance(store, zarr.Array) else store.arrays()
-        return {name: _zarr_variable(complaint, array) for name, array in arrays}
+    require_folder(path)
+    store = zarr.open(path, mode="r")
+    arrays = [("frames", store)] if isinstance(store, zarr.Array) else list(store.arrays())
+    return {name: _zarr_variable(path, array) for name, array in arrays}
 
 
-def _zarr_variable(complaint: str, array: Any) -> Variable:
-    def read(part: Slices) -> np.ndarray:
-        with explained(complaint):
-            return np.asarray(array[part])
-
-    attributes = array.attrs.asdict()
+def _zarr_variable(path: Path, array: Any) -> Variable:
+    read, attributes = zarr_values(path, array)
     dims = getattr(array.metadata, "dimension_names", None) or attributes.get("_ARRAY_DIMENSIONS")
-    named = dims is not None and len(dims) == array.ndim and all(dims)
+    named = isinstance(dims, list | tuple) and len(dims) == array.ndim and all(isinstance(d, str) and d for d in dims)
     return Variable(array.shape, np.dtype(array.dtype), read, tuple(dims) if named else None, attributes)
 
 
+@reader("MAT")
 def open_mat(path: Path) -> dict[str, Variable]:
     """Arrays of a MAT file of any version; its rows and columns of numbers become arrays of one axis.
+
+    Fields of a structure are named `structure.field`.
 
     Raises
     ------
     InputError : no such file, or damaged.
     """
     import h5py
-    import scipy.io
+
+    from faintrack.io.mat import mat_variables
 
     require_file(path)
-    complaint = f"{path} cannot be read as MAT"
-    with explained(complaint):
-        if h5py.is_hdf5(path):
-            with h5py.File(path) as file:
-                return {name: _hdf5_variable(path, complaint, file[name]) for name in file if name[0] != "#"}
-        content = scipy.io.loadmat(path)
-    values = {name: value for name, value in content.items() if isinstance(value, np.ndarray) and name[:2] != "__"}
-    return {name: in_memory(value.ravel() if _is_vector(value.shape) else value) for name, value in values.items()}
+    if not h5py.is_hdf5(path):
+        return mat_variables(path)
+    with h5py.File(path, "r") as file:
+        found = {}
+        for name in [name for name in file if name[0] != "#"][: limits.MOST_NAMES]:
+            item = file[name]
+            if isinstance(item, h5py.Group):
+                fields = [field for field in item if isinstance(item[field], h5py.Dataset)][: limits.MOST_NAMES]
+                found |= {f"{name}.{field}": _mat_variable(path, item[field]) for field in fields}
+            else:
+                found[name] = _mat_variable(path, item)
+        return found
 
 
+@reader("HDF5")
 def open_hdf5(path: Path) -> dict[str, Variable]:
     """Arrays at the top of an HDF5 file; axes are named by their scales or labels, where every one has one.
 
@@ -208,40 +274,31 @@ def open_hdf5(path: Path) -> dict[str, Variable]:
     import h5py
 
     require_file(path)
-    complaint = f"{path} cannot be read as HDF5"
 
     def variable(dataset: h5py.Dataset) -> Variable:
-        name = dataset.name
-
-        def read(part: Slices) -> np.ndarray:
-            with explained(complaint), h5py.File(path) as file:
-                return np.asarray(file[name][part])
-
+        if dataset.shape is None or dataset.dtype.kind not in "iufc":
+            return Variable(dataset.shape or (), dataset.dtype, _refused_objects)
         dims = tuple(dim.label or (dim[0].name.lstrip("/") if len(dim) else "") for dim in dataset.dims)
-        return Variable(
-            dataset.shape, dataset.dtype, read, dims if dims and all(dims) else None, dict(dataset.attrs.items())
-        )
+        named = dims if dims and all(dims) else None
+        return Variable(dataset.shape, dataset.dtype, hdf5_values(path, dataset), named, attributes_of(dataset))
 
-    with explained(complaint), h5py.File(path) as file:
-        return {name: variable(item) for name, item in file.items() if isinstance(item, h5py.Dataset)}
-
-
-def _is_vector(shape: tuple[int, ...]) -> bool:
-    return len(shape) == 2 and 1 in shape
+    with h5py.File(path, "r") as file:
+        names = [name for name in file if isinstance(file.get(name, getclass=True), type)][: limits.MOST_NAMES]
+        return {name: variable(file[name]) for name in names if file.get(name, getclass=True) is h5py.Dataset}
 
 
-def _hdf5_variable(path: Path, complaint: str, dataset: Any) -> Variable:
+def _mat_variable(path: Path, dataset: Any) -> Variable:
     import h5py
 
-    name = dataset.name
-    if not isinstance(dataset, h5py.Dataset) or dataset.attrs.get("MATLAB_class") == b"char":
+    if not isinstance(dataset, h5py.Dataset) or dataset.attrs.get("MATLAB_class") == b"char" or not dataset.shape:
         return in_memory(np.empty((), object))
-    vector = _is_vector(dataset.shape)
-
-    def read(part: Slices) -> np.ndarray:
-        with explained(complaint), h5py.File(path) as file:
-            # MATLAB's first index runs fastest, HDF5's last: the file holds the axes in reverse.
-            return file[name][()].ravel()[part] if vector else file[name][part[::-1]].T
-
-    dtype = np.dtype(complex) if dataset.dtype.names == ("real", "imag") else dataset.dtype
-    return Variable((dataset.size,) if vector else dataset.shape[::-1], dtype, read)
+    if dataset.dtype.names == ("real", "imag"):
+        return Variable(dataset.shape[::-1], np.dtype(complex), _refused_objects)
+    if dataset.dtype.kind not in "iuf":
+        return in_memory(np.empty((), object))
+    values = hdf5_values(path, dataset)
+    if len(dataset.shape) == 2 and 1 in dataset.shape:
+        whole = (slice(None), slice(None))
+        return Variable((dataset.size,), dataset.dtype, lambda part: values(whole).ravel()[part])
+    # MATLAB's first index runs fastest, HDF5's last: the file holds the axes in reverse.
+    return Variable(dataset.shape[::-1], dataset.dtype, lambda part: values(part[::-1]).T)

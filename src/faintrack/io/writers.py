@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from faintrack.io.audio import data_chunk
+from faintrack.io.containers import data_chunk
 from faintrack.io.hierarchical import HDF5_RATE, ZARR_RATE
 
 # Numbers in one chunk of HDF5 or Zarr: 256 KiB, a compromise between reading little and seeking seldom.

@@ -1,47 +1,34 @@
 """The threshold on existence at which a scenario declares a false track as rarely as is wished.
 
-Likelihood ratios are calibrated by Wald's identity, with runs drawn from the scenario's own model; what is no
-likelihood ratio (lobe width, the CFAR baseline) by counting runs on noise, a hundred times as many. Both are in
-`faintrack.metrics.thresholds`. Noise is drawn white and of power 1: with the noise power integrated out any other
-spectrum gives the same threshold, and a noise power that is known is known.
+Every kind can draw data without a target; the highest existence of each of many such runs is kept, and the threshold is
+the quantile that as many runs exceed as are wanted (`faintrack.metrics.thresholds`). A kind that has a faster way, such
+as Wald's identity for likelihood ratios whose data are drawn within the compiled program, brings its own.
 """
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from scipy.special import logit
 
-from faintrack.beliefs.belief import log_gain
 from faintrack.errors import InputError
-from faintrack.filters.run import step
-from faintrack.metrics.thresholds import Stratum, Threshold, counted_threshold, wald_threshold
-from faintrack.scenario.build import build_beamformer, build_tracker
-from faintrack.scenario.model import Scenario
-from faintrack.sensors.array import SensorArray
-from faintrack.signal.beamformer import Beamformer
-from faintrack.simulation.model import birth_probability, draw_target
-from faintrack.simulation.spectra import over_spectra
-from faintrack.trackers.single import SingleTargetTracker
-
-BATCH = 16
-"""Runs side by side."""
-
-WALD_RUNS = 512
-"""Runs with a target where the number is not given; a quarter as many without one are drawn beside them."""
+from faintrack.kinds import kind_named
+from faintrack.kinds.door import scenario_given
+from faintrack.kinds.kind import Kind
+from faintrack.kinds.loop import advance
+from faintrack.kinds.scenario import scenario_of
+from faintrack.metrics.thresholds import Threshold, counted_threshold
+from faintrack.numerics.compiled import keep_compilations
 
 EXCEEDING = 20
 """Runs on noise that are wanted above the threshold where their number is not given."""
 
-LONGEST, MOST_RUNS = 100_000, 10_000_000
-"""Frames of a run, and runs on noise, at most: more would not end."""
+MOST_RUNS = 10_000_000
+"""Runs on noise at most: more would not end."""
 
-Told = Callable[[int, int], None]
-"""Called with the runs drawn just now, and the number of all."""
+Progress = Callable[[int, int], None]
+"""Is called with the runs drawn just now, and the number of all."""
 
 
 @dataclass(frozen=True)
@@ -61,120 +48,73 @@ class Calibrated:
 
 
 def calibrate(
-    scenario: Scenario,
-    array: SensorArray,
-    sample_rate: float,
+    scenario: Any = None,
     probability: float = 1e-3,
     duration: float = 180.0,
     runs: int | None = None,
     seed: int = 0,
-    told: Told = lambda drawn, total: None,
+    progress: Progress = lambda drawn, total: None,
+    **sections: Any,
 ) -> Calibrated:
     """Threshold of a scenario for a probability of a false track in a stated time.
 
     Parameters
     ----------
-    scenario : analysis, target, likelihood, filter and tracker.
-    array : geometry, sound speed, dead channels.
-    sample_rate : of the recordings; Hz.
+    scenario, sections : as `faintrack.track`; the kind is told by the sections. With a `[simulation]` that lasts as
+        long, where the kind counts runs on its own data.
     probability : of a false track in `duration`.
     duration : s.
-    runs : with a target, or on noise where runs are counted; where not given, 512 or twenty over the probability.
+    runs : to draw; where not given, enough of them.
     seed : of the random numbers.
-    told : is told of progress.
+    progress : is called while runs are drawn.
 
     Raises
     ------
-    InputError : probability or duration out of range; runs too few to reach the probability.
+    InputError : probability, duration or runs out of range; the scenario does not tell what is to be drawn.
     """
     if runs is not None and runs < 2:
         raise InputError(f"runs is {runs}; expected at least 2.")
     if not 0 < probability < 1:
         raise InputError(f"probability is {probability:g}; expected a number between 0 and 1.")
-    interval = scenario.analysis.frame
-    if not interval <= duration <= LONGEST * interval:
-        raise InputError(
-            f"duration is {duration:g} s; expected from {interval:g} s, one frame, to {LONGEST * interval:g} s."
-        )
-    if not 0 < sample_rate < np.inf:
-        raise InputError(f"sample rate is {sample_rate:g} Hz; expected a number above 0.")
-    frames = round(duration / interval)
-    plan = build_beamformer(scenario, array, sample_rate)
-    tracker = build_tracker(scenario, array, plan, np.ones(plan.grid.frequency.size, np.float32))
-    time = interval * jnp.arange(1.0, frames + 1)
-    if not isinstance(tracker, SingleTargetTracker) or scenario.likelihood.kind == "lobe_width":
-        count = round(EXCEEDING / probability) if runs is None else runs
-        if count > MOST_RUNS:
-            raise InputError(f"probability is {probability:g}; counted it takes more than {MOST_RUNS:,} runs.")
-        run = jax.jit(jax.vmap(_on_noise(tracker, plan, array, time)))
-        (highest,) = _drawn(run, count, jax.random.key(seed), lambda drawn: told(drawn, count))
-        return Calibrated(counted_threshold(highest, probability), "counting", count)
-    with_target = WALD_RUNS if runs is None else runs
-    without = max(with_target // 4, 2)
-    born = birth_probability(tracker.filter.target, interval, frames)
-    modelled = jax.jit(jax.vmap(_modelled(tracker, plan, array, time), in_axes=(None, 0)))
-    strata = []
-    for count, share, present in ((with_target, born, True), (without, 1 - born, False)):
-        key = jax.random.fold_in(jax.random.key(seed), int(present))
-        of_stratum = functools.partial(modelled, jnp.array(present))
-        drawn = _drawn(of_stratum, count, key, lambda done: told(done, with_target + without))
-        strata.append(Stratum(share, *drawn))
-    return Calibrated(wald_threshold(strata, probability), "Wald's identity", with_target + without)
+    if not 0 < duration < np.inf:
+        raise InputError(f"duration is {duration:g} s; expected a number above 0.")
+    keep_compilations()
+    given = scenario_given(scenario, sections)
+    what_to_run = scenario_of(given.sections, given.source, given.folder)
+    kind = kind_named(what_to_run.kind)
+    if kind.calibrate is not None:
+        calibrated: Calibrated = kind.calibrate(what_to_run, probability, duration, runs, seed, progress)
+        return calibrated
+    count = counted_runs(probability, runs)
+    highest = np.empty(count)
+    for run in range(count):
+        highest[run] = _highest(kind, what_to_run, duration, seed + run)
+        progress(1, count)
+    return Calibrated(counted_threshold(highest, probability), "counting", count)
 
 
-def _drawn(
-    run: Callable[[PRNGKeyArray], tuple[Array, ...]], count: int, key: PRNGKeyArray, told: Callable[[int], None]
-) -> tuple[np.ndarray, ...]:
-    """Results of so many runs, drawn in batches; `run` takes the keys of a batch."""
-    batches = []
-    for first in range(0, count, BATCH):
-        keys = jax.vmap(functools.partial(jax.random.fold_in, key))(first + np.arange(BATCH))
-        used = min(BATCH, count - first)
-        batches.append([np.asarray(values)[:used] for values in run(keys)])
-        told(used)
-    return tuple(np.concatenate(column) for column in zip(*batches, strict=True))
+def counted_runs(probability: float, runs: int | None) -> int:
+    """Runs on noise to draw.
+
+    Raises
+    ------
+    InputError : they are too many.
+    """
+    count = round(EXCEEDING / probability) if runs is None else runs
+    if count > MOST_RUNS:
+        raise InputError(f"probability is {probability:g}; counted it takes more than {MOST_RUNS:,} runs.")
+    return count
 
 
-def _modelled(
-    tracker: SingleTargetTracker, plan: Beamformer, array: SensorArray, time: Float[Array, " scan"]
-) -> Callable[[Bool[Array, ""], PRNGKeyArray], tuple[Array, ...]]:
-    """A run of the tracker's own model, with a target or without: log odds and log ratio after every frame."""
-    filter = tracker.filter
-
-    def run(present: Bool[Array, ""], key: PRNGKeyArray) -> tuple[Array, ...]:
-        for_target, for_spectra, for_filter = jax.random.split(key, 3)
-        states, there = draw_target(for_target, filter.target, time)
-        snr_db = jnp.where(there & present, states.snr_db, -jnp.inf)
-
-        def take_in(state: tuple, number: Array, spectra: Array) -> tuple[tuple, tuple[Array, Array]]:
-            belief, log_ratio = state
-            scan = plan.scan_frame(time[number], spectra)
-            key = jax.random.fold_in(for_filter, number)
-            belief, log_evidence = step(filter, tracker.likelihood, belief, scan, key, tracker.guided)
-            log_ratio = log_ratio + log_gain(belief, log_evidence)
-            return (belief, log_ratio), (belief.log_odds, log_ratio)
-
-        start = filter.init(jax.random.fold_in(for_filter, time.size)), jnp.zeros(())
-        return over_spectra(take_in, start, for_spectra, array, plan.grid, states.bearing, snr_db)[1]
-
-    return run
-
-
-def _on_noise(
-    tracker: Any, plan: Beamformer, array: SensorArray, time: Float[Array, " scan"]
-) -> Callable[[PRNGKeyArray], tuple[Array, ...]]:
-    """A run on noise: the highest log odds of existence."""
-
-    def run(key: PRNGKeyArray) -> tuple[Array, ...]:
-        for_spectra, for_filter = jax.random.split(key)
-
-        def take_in(following: Any, number: Array, spectra: Array) -> tuple[Any, Array]:
-            following, estimate = tracker.step(following, plan.scan_frame(time[number], spectra), for_filter)
-            # Existence in single precision is below 1 by 6e-8 or not at all.
-            return following, jax.scipy.special.logit(jnp.clip(estimate.existence, 1e-7, 1 - 1e-7))
-
-        silence = jnp.zeros_like(time), jnp.full_like(time, -jnp.inf)
-        odds = over_spectra(take_in, tracker.init(for_filter), for_spectra, array, plan.grid, *silence)[1]
-        return (odds.max(),)
-
-    return run
+def _highest(kind: Kind, scenario: Any, duration: float, seed: int) -> float:
+    """Highest log odds of existence in one run without a target."""
+    plan = kind.plan(kind.silence(scenario, seed), scenario)
+    highest, last = -np.inf, 0.0
+    for _, rows in advance(plan):
+        existence = rows.existence.values[rows.time.values < duration]
+        # Existence in single precision is below 1 by 6e-8 or not at all.
+        highest = max(highest, float(logit(np.clip(existence, 1e-7, 1 - 1e-7)).max(initial=-np.inf)))
+        last = float(rows.time.values[-1]) + float(rows.attrs["scan_interval"])
+        if last >= duration:
+            return highest
+    raise InputError(f"the simulation lasts {last:g} s; expected at least the duration, {duration:g} s.")

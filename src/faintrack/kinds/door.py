@@ -7,7 +7,7 @@ command line calls the same functions and adds nothing, so that command and Pyth
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -148,8 +148,7 @@ def track(
         seconds = clock.perf_counter() - start
         result = Result(open_blocks(folder), plan.scenario, kind, seconds, remarks)
         write_rest(folder, result)
-        result.report(folder / "report.html")
-    return read_result(out)
+    return _reported(read_result(out), Path(out) / "report.html")
 
 
 def follow(
@@ -330,26 +329,33 @@ def opened(what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool 
     return kind, kind.read(paths, complete) if held is None else what, complete
 
 
-def kind_of_files(paths: tuple[Path, ...], given: "Given") -> Kind:
+def kind_of_files(paths: tuple[Path, ...], given: Given) -> Kind:
     """The kind of data that files hold.
 
     Raises
     ------
-    InputError : a file is missing, or may be of several kinds, or of none.
+    InputError : a file may be of several kinds, or of none, or of one that has no such sections.
     """
-    able = [kind for kind in kinds() if set(given.sections) <= set(kind.scenario.model_fields)]
-    holding = [kind for kind in able if kind.holds(paths)]
-    if len(holding) == 1:
-        return holding[0]
     listed = ", ".join(map(str, paths))
-    if not holding:
-        names = ", ".join(kind.name for kind in able)
+    holding = [kind for kind in kinds() if kind.holds(paths)]
+    able = [kind for kind in holding if set(given.sections) <= set(kind.scenario.model_fields)]
+    if len(able) == 1:
+        return able[0]
+    if able:
+        names = " or ".join(kind.name for kind in able)
+        raise InputError(f"{listed}: it may hold {names}; expected a scenario with kind = one of them (--kind KIND).")
+    if holding:
+        kind = holding[0]
+        other = next(name for name in given.sections if name not in kind.scenario.model_fields)
+        known = ", ".join(kind.scenario.model_fields)
         raise InputError(
-            f"{listed}: what it holds is not told by its name; expected a scenario with kind = one of {names} "
-            "(--kind KIND)."
+            f"{listed} holds {kind.name}, of which a scenario has no section {other}; expected {known}, or another "
+            "kind = ... (--kind KIND)."
         )
-    names = " or ".join(kind.name for kind in holding)
-    raise InputError(f"{listed}: it may hold {names}; expected a scenario with kind = one of them (--kind KIND).")
+    names = ", ".join(kind.name for kind in kinds() if set(given.sections) <= set(kind.scenario.model_fields))
+    raise InputError(
+        f"{listed}: the name does not tell what it holds; expected a scenario with kind = one of {names} (--kind KIND)."
+    )
 
 
 @contextmanager
@@ -386,6 +392,17 @@ def _paths(what: Any) -> tuple[Path, ...]:
         if not path.exists():
             raise InputError(f"{path} does not exist.")
     return paths
+
+
+def _reported(result: Result, file: Path) -> Result:
+    """Result whose report is written; a picture that fails is a remark beside a whole result."""
+    try:
+        result.report(file)
+    # Whatever a library of pictures raises: the result is there already.
+    except Exception as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        return replace(result, remarks=(*result.remarks, f"The report could not be drawn ({reason})."))
+    return result
 
 
 def _counted(blocks: Iterable[xr.Dataset], plan: Plan, progress: Progress) -> Iterator[xr.Dataset]:

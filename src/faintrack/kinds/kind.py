@@ -5,6 +5,7 @@ stands in its folder and is gathered in one `Kind`; the loop (`faintrack.kinds.l
 (`faintrack.kinds.door`), command line, report and calibration know that value and no kind by name.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ import xarray as xr
 from jaxtyping import PRNGKeyArray
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.results.truth import Known
 from faintrack.scenario.plane import Plane
 
 
@@ -44,7 +46,10 @@ class Plan:
     length : number of scans; None where it is not known beforehand.
     size : scans taken in at once.
     seed : of the random numbers.
-    plane : plane of places given in latitude and longitude, a `faintrack.scenario.plane.Plane`; None where there is none.
+    plane : plane of places given in latitude and longitude, a `faintrack.scenario.plane.Plane`; None where there is
+    none.
+    within : how near a track must be to a known target to be one of it, in the unit of the place.
+    limits : ends of each component of the place between which known targets count; everywhere where None.
     close : function of the last state to what is known at the end, without a time axis; None where there is nothing.
     """
 
@@ -57,6 +62,8 @@ class Plan:
     size: int
     seed: int
     plane: Plane | None = None
+    within: float = math.inf
+    limits: dict[str, tuple[float, float]] | None = None
     close: Callable[[Any], xr.Dataset] | None = None
 
 
@@ -75,11 +82,13 @@ class Kind:
     write : function of a path and data, that writes what `read` reads.
     plan : function of data and scenario to a `Plan`.
     simulate : function of a scenario to data that its `[simulation]` describes.
+    targets : function of a scenario to the targets of its simulation, a list of `faintrack.results.truth.Known`.
     silence : function of a scenario and a seed to such data without a target.
     describe : facts of data as `faintrack info` tells them, by name.
     about : facts of a result as its report tells them, by name.
     draw : function of a result to a figure of matplotlib.
     shown : what the figure shows.
+    calibrate : a faster way to a threshold than counting runs on silence, called as `faintrack.kinds.calibration` does.
     needs : what the command line needs beside the files, where there is no scenario.
     """
 
@@ -92,9 +101,11 @@ class Kind:
     write: Callable[[Path, Any], None]
     plan: Callable[[Any, Any], Plan]
     simulate: Callable[[Any], Any]
+    targets: Callable[[Any], list[Known]]
     silence: Callable[[Any, int], Any]
     describe: Callable[[Any], dict[str, str]]
     about: Callable[[Any], dict[str, str]]
     draw: Callable[[Any], Any]
     shown: str
+    calibrate: Callable[..., Any] | None = None
     needs: tuple[str, ...] = ()

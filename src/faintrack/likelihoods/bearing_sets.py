@@ -26,10 +26,14 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
+from faintrack.likelihoods.bearing_proposal import along_bearings, where_bearings_agree, where_likely
 from faintrack.numerics.trigonometry import arctan2
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
+from faintrack.targets.births import RangeBirth
+from faintrack.targets.states import PlanarState
+from faintrack.targets.target import Birth
 
 
 class BearingSetLikelihood(eqx.Module):
@@ -107,6 +111,14 @@ class BearingSetLikelihood(eqx.Module):
         share = jnp.where(log_sum > -jnp.inf, jnp.exp(each - log_sum), 0)
         return jnp.where(within, share, 0).astype(scan.bearing.dtype)
 
+    def propose(
+        self, scan: BearingSet, birth: Birth, key: PRNGKeyArray, count: int
+    ) -> tuple[PlanarState, Float[Array, " count"]]:
+        """New targets along the bearings of the scan, see `faintrack.likelihoods.bearing_proposal`."""
+        if isinstance(birth, RangeBirth):
+            return along_bearings(self, scan, birth, key, count)
+        return where_likely(self, scan, birth, key, count)
+
     def _terms(self, scan: BearingSet, states: Any) -> tuple[Array, Array, Array]:
         """Logs of the terms of the full ratio: of a target that was missed, of each entry; whether in the sector."""
         sensor = self.sensor
@@ -136,6 +148,12 @@ class ObserversLikelihood(eqx.Module):
         """Natural log of p(all bearings | target at state) / p(all bearings | no target)."""
         told = jax.vmap(self.each.log_ratio, in_axes=(0, None))(scan.sets, states)
         return jnp.where(scan.heard.reshape(-1, *(1,) * (told.ndim - 1)), told, 0).sum(axis=0)
+
+    def propose(
+        self, scan: ObserverSets, birth: Birth, key: PRNGKeyArray, count: int
+    ) -> tuple[PlanarState, Float[Array, " count"]]:
+        """New targets where the bearings of all observers agree, see `faintrack.likelihoods.bearing_proposal`."""
+        return where_bearings_agree(self, scan, birth, key, count)
 
     @eqx.filter_jit
     def association(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:

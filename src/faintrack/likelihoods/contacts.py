@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
+from faintrack.likelihoods.protocols import CellMeans, Likelihood, log_ratios
 from faintrack.numerics.precision import full_precision
 from faintrack.numerics.trigonometry import arctan2
 from faintrack.targets.states import PlanarState
@@ -248,10 +249,10 @@ class Together(eqx.Module):
     likelihoods : one a sensor, of any kind.
     """
 
-    likelihoods: tuple[Any, ...]
+    likelihoods: tuple[Likelihood | CellMeans, ...]
 
     @eqx.filter_jit
     def log_ratio(self, scans: tuple[Any, ...], states: Any) -> Float[Array, "..."]:
         """Natural log of p(scans | target at state) / p(scans | no target), one scan a likelihood in their order."""
-        told = [each.log_ratio(scan, states) for each, scan in zip(self.likelihoods, scans, strict=True)]
-        return sum(told[1:], start=told[0])
+        every = [log_ratios(each, scan, states) for each, scan in zip(self.likelihoods, scans, strict=True)]
+        return sum(every[1:], start=every[0])

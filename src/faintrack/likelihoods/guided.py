@@ -18,7 +18,7 @@ the cells next to it. In float32 a velocity cell whose mean is less than e^-87 o
 default value.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -103,7 +103,7 @@ class Guided(eqx.Module):
     >>> grid = Grid(PlanarState, (("x", place), ("y", place)))
     >>> heard = ping(sonar, 0.0, np.array([[7000, 18, 0]]), np.array([25.0]), capacity=8)
     >>> guided = Guided(likelihood, grid)
-    >>> means = guided.log_ratio(heard)
+    >>> means = guided.log_mean_ratio(heard)
     >>> means.shape, round(float(means.max()), 1), int(guided.samples(heard))
     ((51, 51), 10.7, 275)
     """
@@ -134,13 +134,12 @@ class Guided(eqx.Module):
             self.cover = eqx.filter_jit(_cover)(self.mesh, self.quiet, sonar.pair)
 
     @eqx.filter_jit
-    def log_ratio(self, ping: Ping, states: Any = None) -> Float[Array, "..."]:
+    def log_mean_ratio(self, ping: Ping) -> Float[Array, "..."]:
         """Log of the mean ratio of every cell, shape of the grid, 1 along axes that do not matter.
 
         Parameters
         ----------
         ping : returns of one ping.
-        states : not read; those of a belief on the grid.
         """
         arrays, others = eqx.partition(self, eqx.is_array)
 
@@ -153,7 +152,7 @@ class Guided(eqx.Module):
 
     @full_precision
     def _means(self, ping: Ping) -> Float[Array, "..."]:
-        """`log_ratio`, of one ping."""
+        """`log_mean_ratio`, of one ping."""
         mesh, pair = self.mesh, self.likelihood.sonar.geometry(ping)
         cover = self.cover
         if ping.pair is not None or cover is None:

@@ -13,13 +13,15 @@ compared with; use `faintrack.likelihoods.unknown_noise` instead.
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
+from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
+from faintrack.targets.target import UniformBirth
 
 
 class LobeWidth(eqx.Module):
@@ -43,6 +45,12 @@ class LobeWidth(eqx.Module):
     def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
         """Natural log of the module's ratio at the states' bearings; the SNR is not read."""
         return read(self._log_ratios(scan), bearing_neighbours(self.grid, states.bearing))
+
+    def propose(
+        self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
+    ) -> tuple[BearingState, Float[Array, " count"]]:
+        """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
+        return along_beams(self, scan, birth, key, count)
 
     @full_precision
     def _log_ratios(self, scan: BeamScan) -> Float[Array, " bearing"]:

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
+from faintrack.likelihoods.protocols import Likelihood
 
 
 class RandomPoints(eqx.Module):
@@ -40,11 +41,11 @@ class RandomPoints(eqx.Module):
     >>> likelihood = CellLikelihood(Cells((("range", Axis(0.25, 0.5, 4)),)), gaussian, 2.0)
     >>> means = RandomPoints(likelihood, Grid(RangeState, (("range", Axis(0.5, 1.0, 2)),)), 1000, jax.random.key(0))
     >>> scan = CellScan(jnp.array(0.0), jnp.array([3.0, 0.0, 0.0, 0.0]))
-    >>> [round(float(ratio), 1) for ratio in means.log_ratio(scan)]  # log((e^4 + e^-2) / 2), -2
+    >>> [round(float(ratio), 1) for ratio in means.log_mean_ratio(scan)]  # log((e^4 + e^-2) / 2), -2
     [3.3, -2.0]
     """
 
-    likelihood: Any
+    likelihood: Likelihood
     grid: Grid = eqx.field(static=True)
     count: int = eqx.field(static=True)
     key: PRNGKeyArray
@@ -53,13 +54,12 @@ class RandomPoints(eqx.Module):
         if self.count < 1:
             raise InputError(f"random points: {self.count} in every cell; expected at least 1.")
 
-    def log_ratio(self, scan: Any, states: Any = None) -> Float[Array, "*cells"]:
+    def log_mean_ratio(self, scan: Any) -> Float[Array, "*cells"]:
         """Log of the mean ratio of every cell.
 
         Parameters
         ----------
         scan : has a time, and what the likelihood reads.
-        states : not read; those of a belief on the grid.
         """
         grid, time = self.grid, jnp.asarray(scan.time, jnp.float32)
         key = jax.random.fold_in(self.key, jax.lax.bitcast_convert_type(time, jnp.uint32))

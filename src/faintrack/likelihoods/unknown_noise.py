@@ -27,11 +27,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
+from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, neighbours, read_plane
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
+from faintrack.targets.target import UniformBirth
 
 MOST_CHANNELS = 1000
 """Channels for which the products in `UnknownNoise.table` stay within float32."""
@@ -95,3 +97,9 @@ class UnknownNoise(eqx.Module):
         columns = neighbours(jnp.clip((states.snr_db - low) / (high - low), 0, 1) * last)
         inside = [(jnp.clip(column, 0, last), weight) for column, weight in columns]
         return read_plane(table, bearing_neighbours(self.grid, states.bearing), inside)
+
+    def propose(
+        self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
+    ) -> tuple[BearingState, Float[Array, " count"]]:
+        """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
+        return along_beams(self, scan, birth, key, count)

@@ -46,14 +46,13 @@ class GuidedSnr(eqx.Module):
         self.levels = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
         self.grid = grid
 
-    def log_ratio(self, ping: Ping, states: Any = None) -> Float[Array, "..."]:
+    def log_mean_ratio(self, ping: Ping) -> Float[Array, "..."]:
         """Log of the mean ratio of every cell, shape of the grid, 1 along axes that do not matter.
 
         Parameters
         ----------
         ping : returns of one ping.
-        states : not read; those of a belief on the grid.
         """
         place = self.grid.names.index("snr_db")
-        means = eqx.filter_vmap(lambda level: level.log_ratio(ping))(self.levels)
+        means = eqx.filter_vmap(lambda level: level.log_mean_ratio(ping))(self.levels)
         return jnp.moveaxis(means.squeeze(place + 1), 0, place)

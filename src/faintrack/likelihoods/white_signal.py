@@ -18,11 +18,13 @@ into a target.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
+from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
+from faintrack.targets.target import UniformBirth
 
 
 class WhiteSignal(eqx.Module):
@@ -56,6 +58,12 @@ class WhiteSignal(eqx.Module):
         """
         power = read(self._powers(scan), bearing_neighbours(self.grid, states.bearing))
         return self._ratio(scan, power, states.snr_db)
+
+    def propose(
+        self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
+    ) -> tuple[BearingState, Float[Array, " count"]]:
+        """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
+        return along_beams(self, scan, birth, key, count)
 
     def _powers(self, scan: BeamScan) -> Float[Array, " bearing"]:
         """Beam power over noise power, summed over the band."""

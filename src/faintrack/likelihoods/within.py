@@ -11,6 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from faintrack.likelihoods.protocols import Likelihood
 from faintrack.sensors.cells import Cells
 
 REFUTED = -100.0
@@ -38,7 +39,7 @@ class Within(eqx.Module):
     [4.0, -100.0]
     """
 
-    likelihood: Any
+    likelihood: Likelihood
     cells: Cells = eqx.field(static=True)
 
     def log_ratio(self, scan: Any, states: Any) -> Float[Array, "..."]:

@@ -10,12 +10,15 @@
 It is written under another name beside its place and renamed when it is whole.
 """
 
+import glob
 import importlib.metadata
 import json
+import os
 import platform
 import shutil
+import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,7 @@ import numpy as np
 import xarray as xr
 
 from faintrack.errors import InputError
+from faintrack.io.locks import Held, locked
 from faintrack.results.result import Result
 from faintrack.results.tables import write_geojson, write_states, write_tracks
 from faintrack.scenario.section import to_toml
@@ -32,33 +36,101 @@ CHUNK = 512
 
 ABOUT = "about.json"
 
+MARK = ".faintrack"
+"""File that tells a folder of ours from a user's."""
+
+PARTIAL = ".partial"
+"""End of the name of a result that is not whole yet."""
+
+OURS = ("result.zarr", "states.csv", "tracks.csv", "tracks.geojson", "scenario.toml", ABOUT, MARK, "report.html")
+"""What a result consists of."""
+
 
 @contextmanager
 def result_folder(path: str | Path) -> Iterator[Path]:
     """Yield a folder to write to; it takes the place of `path` when the block ends, and vanishes when it fails.
 
+    Of an earlier result only what we write is replaced: what else a user has put there stays. One process at a time
+    writes to a path.
+
     Raises
     ------
-    InputError : `path` is something other than an earlier result, or its parent is missing or cannot be written.
+    InputError : `path` is a link, or something other than an earlier result; another run writes to it; its parent is
+        missing or cannot be written.
     """
     path = Path(path)
-    if path.exists() and not (path / "result.zarr").exists() and not (path.is_dir() and not any(path.iterdir())):
+    _require_replaceable(path)
+    with ExitStack() as held:
+        try:
+            held.enter_context(locked(path.with_name(f".{path.name}.lock")))
+            _remove_abandoned(path)
+            partial = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=PARTIAL, dir=path.parent))
+        except Held as error:
+            raise InputError(f"{path} is being written by another run; expected another name for --out.") from error
+        except OSError as error:
+            raise InputError(f"{path} cannot be written ({error.strerror}).") from error
+        try:
+            (partial / MARK).touch()
+            yield partial
+            _flush(partial)
+            partial.chmod(0o755)
+            _put(partial, path)
+        except OSError as error:
+            raise InputError(f"{path} cannot be written ({error.strerror or error}).") from error
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+
+
+def _require_replaceable(path: Path) -> None:
+    """Refuse what is no place for a result."""
+    if path.is_symlink():
+        raise InputError(f"{path} is a link; expected the folder itself for --out.")
+    if not path.exists():
+        return
+    if not path.is_dir() or not ((path / "result.zarr").exists() or not any(path.iterdir())):
         raise InputError(f"{path} exists and is no result of faintrack; expected another name for --out.")
-    partial = path.with_name(path.name + ".partial")
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove what an interrupted run to the same path has left; it carries our mark."""
+    for abandoned in path.parent.glob(f".{glob.escape(path.name)}.*{PARTIAL}"):
+        if (abandoned / MARK).is_file() and not abandoned.is_symlink():
+            shutil.rmtree(abandoned, ignore_errors=True)
+
+
+def _flush(folder: Path) -> None:
+    """Have the system write all files of a folder to the disk."""
+    for file in folder.rglob("*"):
+        if file.is_file():
+            with file.open("rb+") as opened:
+                os.fsync(opened.fileno())
+
+
+def _put(partial: Path, path: Path) -> None:
+    """Give a finished folder its name, and what a user has put beside an earlier result to it."""
+    if path.exists():
+        older = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".older", dir=path.parent))
+        path.replace(older)
+        partial.replace(path)
+        for entry in older.iterdir():
+            if entry.name not in OURS:
+                entry.replace(path / entry.name)
+        shutil.rmtree(older, ignore_errors=True)
+    else:
+        partial.replace(path)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder unless it is there.
+
+    Raises
+    ------
+    InputError : it cannot be made.
+    """
     try:
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir()
+        path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror}).") from error
-    try:
-        yield partial
-        if path.exists():
-            shutil.rmtree(path)
-        partial.rename(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written ({error.strerror or error}).") from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def write_blocks(folder: Path, blocks: Iterable[xr.Dataset]) -> None:
@@ -74,9 +146,11 @@ def write_blocks(folder: Path, blocks: Iterable[xr.Dataset]) -> None:
     store = folder / "result.zarr"
     held: list[xr.Dataset] = []
     written = False
+    attributes: dict[str, Any] = {}
 
     def flush() -> None:
         nonlocal written
+        attributes.update(held[0].attrs)
         data = xr.concat(
             held, "time", data_vars="minimal", coords="minimal", compat="override", combine_attrs="override"
         )
@@ -102,7 +176,8 @@ def write_blocks(folder: Path, blocks: Iterable[xr.Dataset]) -> None:
     if held:
         flush()
     for block in timeless:
-        block.to_zarr(store, mode="a", consolidated=False)
+        # Attributes of a store are those that were written last.
+        block.assign_attrs(attributes).to_zarr(store, mode="a", consolidated=False)
     zarr.consolidate_metadata(store)
 
 
@@ -119,7 +194,7 @@ def write_rest(folder: Path, result: Result) -> None:
 
 
 def save_result(result: Result, path: str | Path) -> Path:
-    """Write a result that is held in memory; see the module.
+    """Write a result that is held in memory; see the module. The report is drawn by `Result.save`.
 
     Raises
     ------
@@ -128,7 +203,6 @@ def save_result(result: Result, path: str | Path) -> Path:
     with result_folder(path) as folder:
         write_blocks(folder, _blocks(result.data))
         write_rest(folder, result)
-        result.report(folder / "report.html")
     return Path(path)
 
 

@@ -4,13 +4,17 @@ import base64
 import html
 import io
 import math
+import os
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from faintrack.errors import InputError
 from faintrack.results.result import Result
 from faintrack.results.schema import column, places, units
 from faintrack.results.track import DEGREES
+from faintrack.results.truth import finding_table, unexplained
 from faintrack.scenario.section import to_toml
 
 STYLE = """
@@ -30,20 +34,20 @@ def track_headings(result: Result) -> list[tuple[str, str, str]]:
     data = result.data
     of, place = units(data), places(data)
     earth = [name for name in DEGREES if name in data]
-    shown = [("label", "track", "d"), ("start_s", "start s", ".5g"), ("end_s", "end s", ".5g")]
+    shown = [("label", "track", "d"), ("start_s", "start\ns", ".5g"), ("end_s", "end\ns", ".5g")]
     for end in ("start", "end"):
         # In latitude and longitude the metres would only fill the line.
         for name in earth or place:
             unit = "degree" if earth else of[name]
             title = column(name, unit)
             form = ".4f" if earth else (".1f" if unit == "degree" else ".5g")
-            shown.append((f"{title}_{end}", f"{name} {end} {_short(unit)}", form))
+            shown.append((f"{title}_{end}", f"{name}\n{end} {_short(unit)}", form))
     if len(place) == 1:
-        shown.append((f"{column(place[0], of[place[0]])}_std", f"std {_short(of[place[0]])}", ".2g"))
+        shown.append((f"{column(place[0], of[place[0]])}_std", f"std\n{_short(of[place[0]])}", ".2g"))
     rate = f"{of[place[0]]}/s"
-    shown.append((column("speed", rate), f"speed {_short(rate)}", ".3g"))
+    shown.append((column("speed", rate), f"speed\n{_short(rate)}", ".3g"))
     shown += [
-        (column(name, unit), f"{name.removesuffix('_db').upper()} dB", ".1f")
+        (column(name, unit), f"{name.removesuffix('_db').upper()}\ndB", ".1f")
         for name, unit in of.items()
         if unit == "dB"
     ]
@@ -78,12 +82,20 @@ def write_report(path: str | Path, result: Result) -> Path:
     The path.
     """
     path = Path(path)
-    partial = path.with_name(path.name + ".partial")
+    text = report(result)
     try:
-        partial.write_text(report(result), encoding="utf-8")
-        partial.replace(path)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}).") from error
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror or error}).") from error
     finally:
-        partial.unlink(missing_ok=True)
+        Path(name).unlink(missing_ok=True)
     return path
 
 
@@ -101,12 +113,22 @@ def report(result: Result) -> str:
 <title>faintrack: {name}</title><style>{STYLE}</style></head><body>
 <h1>{_count(len(result.tracks))} in {name}</h1>
 <dl>{rows}</dl>{remarks}
-<h2>Tracks</h2>{track_table(result)}
+<h2>Tracks</h2>{track_table(result)}{_truth(result)}
 <h2>{shown}</h2>
 <img alt="{shown}, with the tracks" src="{_picture(result)}">
 <h2>Scenario</h2><details><summary>What was run</summary><pre>{html.escape(to_toml(result.scenario))}</pre></details>
 </body></html>
 """
+
+
+def _truth(result: Result) -> str:
+    """Table of the targets that are known to have been there, and what was found of them."""
+    if "known" not in result.data.sizes:
+        return ""
+    others = ", ".join(map(str, unexplained(result.data))) or "none"
+    near = f"{float(result.data.attrs['truth_within']):.3g} {units(result.data)[places(result.data)[0]]}"
+    sentence = f"<p>Tracks that are never within {near} of one of these: {others}.</p>"
+    return f"<h2>Targets known to have been there</h2>{table(*finding_table(result.data))}{sentence}"
 
 
 def _counts(result: Result) -> dict[str, str]:

@@ -66,7 +66,9 @@ class Result:
         """Write data, tables, scenario and report to a folder, which `faintrack.read_result` reads; returns it."""
         from faintrack.results.folder import save_result
 
-        return save_result(self, folder)
+        saved = save_result(self, folder)
+        self.report(saved / "report.html")
+        return saved
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Estimates of all tracks, one row a track and scan; the columns are those of `states.csv`."""

@@ -100,7 +100,7 @@ def _nearest(model: type[BaseModel] | None, place: tuple[int | str, ...]) -> str
         if model is None or isinstance(part, int):
             continue
         field = model.model_fields.get(part)
-        model = None if field is None else next(_models(field.annotation), None)
+        model = None if field is None else next(models_of(field.annotation), None)
     if model is None:
         return "."
     names = list(model.model_fields)
@@ -108,12 +108,12 @@ def _nearest(model: type[BaseModel] | None, place: tuple[int | str, ...]) -> str
     return f"; did you mean {near[0]}?" if near else f"; known are {', '.join(names)}."
 
 
-def _models(annotation: Any) -> Iterable[type[BaseModel]]:
+def models_of(annotation: Any) -> Iterable[type[BaseModel]]:
     """Sections within an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
-        yield from _models(part)
+        yield from models_of(part)
 
 
 def validated(model: type[Any], content: Any, source: object = None, folder: Path | None = None) -> Any:

@@ -13,7 +13,6 @@ process sees to that.
 """
 
 import contextlib
-import fcntl
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -27,6 +26,7 @@ import zarr
 
 from faintrack.errors import InputError
 from faintrack.io.checks import explained
+from faintrack.io.locks import Held, locked
 from faintrack.studies.study import Setting, Study
 
 FORMAT = 1
@@ -62,7 +62,7 @@ class Folder:
 
         Raises
         ------
-        InputError : what tells of them is damaged.
+        InputError : what tells of them is damaged, or they were computed with other parameters.
         """
         runs = self.plan.runs[setting.name]
         starts = np.arange(0, runs, setting.batch)
@@ -124,7 +124,7 @@ class Folder:
     def keep(self, name: str, text: str) -> None:
         """Write a text file of the folder, beside and renamed."""
         beside = self.path / f".{name}.part"
-        beside.write_text(text)
+        beside.write_text(text, encoding="utf-8")
         beside.replace(self.path / name)
 
     @property
@@ -150,11 +150,18 @@ class Folder:
 
     @contextlib.contextmanager
     def _dataset(self, setting: Setting) -> Iterator[xr.Dataset]:
-        """Runs of a setting, open for reading; damage that shows within the block is told."""
+        """Runs of a setting, open for reading; damage that shows within the block is told, and other parameters."""
         with (
             self._telling_damage(setting),
             xr.open_zarr(self._runs, group=setting.name, chunks=None, consolidated=False) as data,
         ):
+            for name in sorted({*data.attrs, *setting.parameters}):
+                then, now = data.attrs.get(name), setting.parameters.get(name)
+                if then != now:
+                    raise InputError(
+                        f"{self._runs / setting.name} has runs with {name} = {then}; it is {now} in the study now. "
+                        "Give another --out."
+                    )
             yield data
 
     def _start(self, setting: Setting, arrays: dict[str, np.ndarray]) -> None:
@@ -196,14 +203,15 @@ def open_folder(
         path.mkdir(parents=True, exist_ok=True)
         if not described.exists():
             _refuse_strangers(path)
-        lock = (path / ".lock").open("w")
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror}); expected a folder.") from error
-    with lock:
+    with contextlib.ExitStack() as held:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
+            held.enter_context(locked(path / ".lock", keep=True))
+        except Held as error:
             raise InputError(f"{path} is in use by another study that runs now; give another --out.") from error
+        except OSError as error:
+            raise InputError(f"{path} cannot be written ({error.strerror}); expected a folder.") from error
         asked = Plan(
             study.name,
             0 if seed is None else seed,
@@ -223,13 +231,13 @@ def open_folder(
                 raise InputError(f"{described}: the study is a full one; a quick one was asked for.")
             folder = Folder(path, study, kept)
             if runs is not None:
-                more = {s.name: _asked_runs(s, kept.quick, runs) for s in study.settings}
-                if any(more[name] < count for name, count in kept.runs.items()):
+                longer = {s.name: _asked_runs(s, kept.quick, runs) for s in study.settings}
+                if any(longer[name] < count for name, count in kept.runs.items()):
                     raise InputError(
                         f"{described}: the study has runs {kept.runs}; {runs} of each were asked for, expected no "
                         "fewer."
                     )
-                folder = Folder(path, study, replace(kept, runs=more))
+                folder = Folder(path, study, replace(kept, runs=longer))
                 # Arrays that are longer than the plan are read up to its end, a plan beyond the arrays is not.
                 folder.make_room()
                 folder.describe()
@@ -250,18 +258,18 @@ def _refuse_strangers(path: Path) -> None:
 
 def _read_plan(described: Path, study: Study) -> Plan:
     try:
-        content = json.loads(described.read_text())
-        found = content["format"], content["version"], content["study"]
+        content = json.loads(described.read_text(encoding="utf-8"))
+        theirs = content["format"], content["version"]
         runs = {name: int(count) for name, count in content["runs"].items()}
         plan = Plan(content["study"], int(content["seed"]), bool(content["quick"]), runs)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{described} cannot be read ({error}); expected what a study wrote there.") from error
-    if found[2] != study.name:
-        raise InputError(f"{described} is of study {found[2]}; expected {study.name}. Give another --out.")
+    if plan.study != study.name:
+        raise InputError(f"{described} is of study {plan.study}; expected {study.name}. Give another --out.")
     ours = FORMAT, version("faintrack")
-    if found[:2] != ours:
+    if theirs != ours:
         raise InputError(
-            f"{described} is of faintrack {found[1]}, format {found[0]}; this is {ours[1]}, format {ours[0]}, whose "
+            f"{described} is of faintrack {theirs[1]}, format {theirs[0]}; this is {ours[1]}, format {ours[0]}, whose "
             "runs may differ. Give another --out."
         )
     names = {setting.name for setting in study.settings}

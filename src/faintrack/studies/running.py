@@ -145,8 +145,8 @@ def _on_workers(
         yield batch, arrays
         # The arrays on the worker go with the future.
         future.release()
-        for more in submit(1):
-            waiting.add(more)
+        for another in submit(1):
+            waiting.add(another)
 
 
 def _worker_environment() -> dict[str, str]:

@@ -10,6 +10,7 @@ A study of your own is a module with a `Study`, named as `module:attribute` wher
 
 import functools
 import importlib
+import sys
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -144,7 +145,7 @@ def finished(results: Results, name: str) -> xr.Dataset | None:
 
 
 def load(where: str) -> Study:
-    """Study by its name, or by `module:attribute`.
+    """Study by its name, or by `module:attribute`, the module installed or in the folder that one stands in.
 
     Raises
     ------
@@ -162,6 +163,9 @@ def load(where: str) -> Study:
         raise InputError(
             f"no study is called {where}; expected one of {', '.join(sorted(STUDIES))}, or module:attribute."
         )
+    if where not in STUDIES and (here := str(Path.cwd())) not in sys.path:
+        # Python puts it there for `python -m`, not for an installed command.
+        sys.path.insert(0, here)
     try:
         study = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError) as error:

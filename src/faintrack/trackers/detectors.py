@@ -38,7 +38,7 @@ from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
 from faintrack.filters.adi import alternating_directions, steps_within
 from faintrack.filters.grid import GridFilter
-from faintrack.filters.resampling import systematic
+from faintrack.numerics.resampling import systematic
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target
 from faintrack.trackers.beliefs import Beliefs

@@ -29,7 +29,7 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.filters.resampling import systematic
+from faintrack.numerics.resampling import systematic
 
 CAPACITY = 64
 """Sets that are held at most."""

@@ -47,13 +47,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.belief import covariance, mean, update
-from faintrack.filters.resampling import systematic
 from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, set_log_ratio
 from faintrack.likelihoods.within import REFUTED
 from faintrack.numerics.draws import normal, uniform
 from faintrack.numerics.precision import full_precision
+from faintrack.numerics.resampling import systematic
 from faintrack.sensors.stations import EnergyScan, Stations
-from faintrack.targets.target import Target
+from faintrack.targets.target import Target, odds_of
 from faintrack.trackers.beliefs import Beliefs
 from faintrack.trackers.hypotheses import Hypotheses
 
@@ -134,11 +134,12 @@ class JointTrackers(eqx.Module):
         interval = scan.time - followed.beliefs.time
         joint = self._groups(followed, scan)
         resampled = self._resampled(followed, joint, for_choice)
-        log_stays = -self.target.departure_rate * interval
-        there = jax.nn.log_sigmoid(resampled.log_odds) + log_stays
-        log_odds = jnp.where(followed.active, there - jnp.log(-jnp.expm1(there)), -jnp.inf)
-        beliefs = dataclasses.replace(resampled, log_odds=log_odds.astype(there.dtype), time=scan.time)
+        # A target in hand is one that was found: what else arrives is the detectors' to find.
+        log_odds = odds_of(self.target.forecast(resampled.log_odds, interval).same)
+        log_odds = jnp.where(followed.active, log_odds, -jnp.inf)
+        beliefs = dataclasses.replace(resampled, log_odds=log_odds, time=scan.time)
         tentative = followed.active & ~declared
+        log_stays = self.target.forecast(jnp.array(jnp.inf, log_odds.dtype), interval).same
         hypotheses = followed.hypotheses.settled(declared, ~followed.active).departed(log_stays)
 
         exists = self._there(beliefs, hypotheses, declared, for_there)

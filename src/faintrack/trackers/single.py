@@ -22,7 +22,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief, deviations, moments
-from faintrack.filters.run import Filter, Likelihood, Proposal, step
+from faintrack.filters.run import Filter, step
+from faintrack.likelihoods.protocols import CellMeans, Likelihood
 
 
 class Following(eqx.Module):
@@ -80,14 +81,14 @@ class SingleTargetTracker(eqx.Module):
     filter, likelihood : what carries the belief, and what takes in a scan.
     declare : existence at which a track begins; above `drop`.
     drop : existence of the track below which it ends.
-    guided : whether newborn particles are drawn where the scan points, or the function that does it.
+    guided : whether newborn particles are drawn where the scan points, by a likelihood that can propose them.
     """
 
     filter: Filter
-    likelihood: Likelihood
+    likelihood: Likelihood | CellMeans
     declare: float = 0.97
     drop: float = 0.3
-    guided: bool | Proposal = eqx.field(static=True, default=False)
+    guided: bool = eqx.field(static=True, default=False)
 
     def init(self, key: PRNGKeyArray) -> Following:
         """State before the first scan."""

@@ -7,7 +7,6 @@ from faintrack.scenario.bearings import BearingsTable
 from faintrack.scenario.model import Scenario
 
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
-from faintrack.filters.guide_bearings import where_bearings_agree
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
 from faintrack.sensors.bearing_sets import BearingSensor
 from faintrack.targets.births import RangeBirth
@@ -64,5 +63,5 @@ def build_bearings_tracker(scenario: Scenario) -> SingleTargetTracker:
         ObserversLikelihood(BearingSetLikelihood(build_sensor(table))),
         scenario.tracker.declare,
         scenario.tracker.drop,
-        where_bearings_agree,
+        guided=True,
     )

@@ -64,6 +64,7 @@ KIND = Kind(
     write=_write,
     plan=room("faintrack.kinds.frames.plan", "plan"),
     simulate=room("faintrack.kinds.frames.simulate", "simulate"),
+    targets=room("faintrack.kinds.frames.simulate", "targets"),
     silence=room("faintrack.kinds.frames.simulate", "silence"),
     describe=_describe,
     about=room("faintrack.kinds.frames.report", "about"),

@@ -39,6 +39,9 @@ BLOCK_BYTES = 8 * 2**20
 LONGEST_BLOCK = 32
 """Frames a block at most."""
 
+NEAR_CELLS = 3.0
+"""Cells from a known target within which a track is one of it."""
+
 LARGEST_VALUE = 1e15
 """Of a frame: squares of many values are added up in single precision."""
 
@@ -125,6 +128,7 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         length=sequence.length,
         size=int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, min(LONGEST_BLOCK, sequence.length))),
         seed=scenario.filter.seed,
+        within=NEAR_CELLS * min(axis.step for _, axis in sequence.axes),
         close=close if images else None,
     )
 

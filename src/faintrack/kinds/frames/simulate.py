@@ -14,6 +14,7 @@ from faintrack.errors import InputError
 from faintrack.kinds.frames.build import AMPLITUDES, STATES, WIDTH, background_kind
 from faintrack.kinds.frames.sections import FramesScenario, SimulatedTargetSection
 from faintrack.likelihoods.cells import CellLikelihood, gaussian, gaussian_spread, point
+from faintrack.results.truth import Known
 from faintrack.sensors.cells import Cells
 from faintrack.simulation.cells import VALUES
 
@@ -35,6 +36,25 @@ def simulate(scenario: FramesScenario) -> Sequence:
 def silence(scenario: FramesScenario, seed: int) -> Sequence:
     """The same without a target."""
     return _drawn(scenario, (), seed)
+
+
+def targets(scenario: FramesScenario) -> list[Known]:
+    """Targets of a simulation, as results tell their places."""
+    names = ("range",) if len(_simulation(scenario).shape) == 1 else ("y", "x")
+
+    def known(number: int, target: SimulatedTargetSection) -> Known:
+        end = math.inf if target.end is None else target.end
+
+        def at(times: np.ndarray) -> dict[str, np.ndarray]:
+            there = (times >= target.start) & (times < end)
+            return {
+                name: np.where(there, place + rate * (times - target.start), np.nan)
+                for name, place, rate in zip(names, target.place, target.velocity, strict=True)
+            }
+
+        return Known(f"target {number}, level {target.level:g}", at)
+
+    return [known(number, target) for number, target in enumerate(_simulation(scenario).targets, start=1)]
 
 
 def _simulation(scenario: FramesScenario) -> Any:

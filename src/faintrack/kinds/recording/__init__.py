@@ -67,10 +67,12 @@ KIND = Kind(
     write=_write,
     plan=room("faintrack.kinds.recording.plan", "plan"),
     simulate=room("faintrack.kinds.recording.simulate", "simulate"),
+    targets=room("faintrack.kinds.recording.simulate", "targets"),
     silence=room("faintrack.kinds.recording.simulate", "silence"),
     describe=_describe,
     about=room("faintrack.kinds.recording.report", "about"),
     draw=room("faintrack.kinds.recording.pictures", "draw"),
     shown="Record, existence, SNR",
+    calibrate=room("faintrack.kinds.recording.calibration", "calibrate"),
     needs=("--array FILE",),
 )

@@ -1,5 +1,6 @@
 """How the recording of an array becomes a result: beamformer, tracker, and the rows of the bearing-time record."""
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -19,7 +20,7 @@ from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.results.schema import bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
 from faintrack.sensors.array import SensorArray
-from faintrack.sensors.beams import BeamScan, bearings
+from faintrack.sensors.beams import BeamScan, bearings, lobe_width
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies
 from faintrack.signal.frames import framed, frames
@@ -88,6 +89,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         length=count,
         size=int(np.clip(BLOCK_BYTES // frame_bytes, 1, min(LONGEST_BLOCK, count))),
         seed=scenario.filter.seed,
+        within=math.degrees(lobe_width(array, float(beamformer.grid.frequency[-1]))),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError
 from faintrack.kinds.recording.sections import RecordingScenario, SimulationSection
+from faintrack.results.truth import Known
 from faintrack.scenario.array import build
 from faintrack.sensors.array import SensorArray
 from faintrack.simulation.samples import Source, draw_samples
@@ -27,6 +28,22 @@ def simulate(scenario: RecordingScenario) -> Recording:
 def silence(scenario: RecordingScenario, seed: int) -> Recording:
     """The same without a source."""
     return _drawn(simulated_array(scenario), _simulation(scenario), [], seed)
+
+
+def targets(scenario: RecordingScenario) -> list[Known]:
+    """Sources of a simulation, as results tell their bearings."""
+    circular = simulated_array(scenario).circular
+
+    def known(number: int, source: Source) -> Known:
+        def at(times: np.ndarray) -> dict[str, np.ndarray]:
+            bearing = (np.degrees(source.bearing_at(times)) + 180) % 360 - 180
+            # A line hears a wave as from its mirror image.
+            bearing = bearing if circular else np.abs(bearing)
+            return {"bearing": np.where((times >= source.start) & (times < source.end), bearing, np.nan)}
+
+        return Known(f"source {number}, {source.snr_db:g} dB", at)
+
+    return [known(number, source) for number, source in enumerate(sources_of(_simulation(scenario)), start=1)]
 
 
 def simulated_array(scenario: RecordingScenario) -> SensorArray:

@@ -70,11 +70,11 @@ class OfCells(eqx.Module):
 
     def log_ratio(self, ping: Ping, states: Any) -> Float[Array, "..."]:
         """Log of the mean ratio of each state's cell."""
-        table = jax.lax.optimization_barrier(self.means.log_ratio(ping))
+        table = jax.lax.optimization_barrier(self.means.log_mean_ratio(ping))
         index, inside = Cells(self.grid.axes).nearest(states)
         # Along axes that do not matter the means have one entry.
-        each = tuple(jnp.minimum(number, count - 1) for number, count in zip(index, table.shape, strict=True))
-        return jnp.where(inside, table[each], 0)
+        cell = tuple(jnp.minimum(number, count - 1) for number, count in zip(index, table.shape, strict=True))
+        return jnp.where(inside, table[cell], 0)
 
 
 def follow(
@@ -82,7 +82,7 @@ def follow(
     pulse: str,
     filter: Any,
     likelihood: Any,
-    more: Callable[[Belief], dict[str, Array]] = lambda belief: {},
+    also: Callable[[Belief], dict[str, Array]] = lambda belief: {},
 ) -> dict[str, Array]:
     """One run: existence and errors after every scan.
 
@@ -92,7 +92,7 @@ def follow(
     pulse : "fm" or "cw".
     filter : what carries the belief.
     likelihood : what takes in a scan; or a function of a key to it, where it draws.
-    more : what else to keep of a belief, by name.
+    also : what else to keep of a belief, by name.
     """
     for_data, for_filter, for_likelihood = jax.random.split(key, 3)
     pings, lost = scene.pings(for_data, pulse)
@@ -100,16 +100,16 @@ def follow(
 
     def keep(belief: Belief) -> dict[str, Array]:
         best = mode(belief)
-        return {"log_odds": belief.log_odds, "x": best.x, "y": best.y, "vx": best.vx, "vy": best.vy, **more(belief)}
+        return {"log_odds": belief.log_odds, "x": best.x, "y": best.y, "vx": best.vx, "vy": best.vy, **also(belief)}
 
     start = filter.init(jax.random.fold_in(for_filter, scene.SCANS), existence=PRIOR)
     _, kept, _ = run(filter, likelihood, pings, for_filter, keep, start)
     truth = scene.truth()
-    found = {name: kept.pop(name) for name in ("x", "y", "vx", "vy")}
+    x, y, vx, vy = (kept.pop(name) for name in ("x", "y", "vx", "vy"))
     samples = jax.lax.map(likelihood.samples, pings) if isinstance(likelihood, Guided) else jnp.zeros(scene.SCANS)
     return {
-        "error": jnp.hypot(found["x"] - truth.x, found["y"] - truth.y),
-        "velocity_error": jnp.hypot(found["vx"] - truth.vx, found["vy"] - truth.vy),
+        "error": jnp.hypot(x - truth.x, y - truth.y),
+        "velocity_error": jnp.hypot(vx - truth.vx, vy - truth.vy),
         "returns": pings.there.sum(axis=1),
         "lost": lost,
         "samples": samples,

@@ -1,7 +1,5 @@
 """How long a measurement update takes, the first one and those after it."""
 
-import time
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -10,6 +8,7 @@ import jax
 from faintrack.likelihoods.guided import Guided
 from faintrack.likelihoods.random_points import RandomPoints
 from faintrack.studies.aughenbaugh2010 import runs, scene
+from faintrack.studies.rows import seconds
 
 REPEATS = 5
 """Updates of which the fastest counts."""
@@ -27,14 +26,8 @@ def update_seconds(pulse: str, method: str) -> tuple[float, float]:
             return RandomPoints(model, scene.grid(cells), int(method[len("random")]), jax.random.key(0))
         return Guided(model, scene.grid(cells), runs.SWATH[pulse], runs.finer(cells))
 
-    update = eqx.filter_jit(lambda means, ping: means.log_ratio(ping))
-    jax.block_until_ready(update(prepare(), ping))
-    means, preparing = _timed(prepare)
-    _, later = min((_timed(lambda: update(means, ping)) for _ in range(REPEATS)), key=lambda each: each[1])
-    return preparing + later, later
-
-
-def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    start = time.perf_counter()
-    done = jax.block_until_ready(work())
-    return done, time.perf_counter() - start
+    update = eqx.filter_jit(lambda means, ping: means.log_mean_ratio(ping))
+    means = prepare()
+    jax.block_until_ready(update(means, ping))
+    later = min(seconds(lambda: update(means, ping)) for _ in range(REPEATS))
+    return seconds(prepare) + later, later

@@ -1,7 +1,7 @@
 """The evaluation of bosser2022: both scenarios, its three methods and a fourth that does not know the noise."""
 
-from faintrack.studies.bosser2022.report import figures, rows
+from faintrack.studies.bosser2022 import panels, rows
 from faintrack.studies.bosser2022.settings import SETTINGS
 from faintrack.studies.study import Study
 
-study = Study("bosser2022", "Track-before-detect on raw hydrophone samples", SETTINGS, rows, figures)
+study = Study("bosser2022", "Track-before-detect on raw hydrophone samples", SETTINGS, rows.rows, panels.figures)

@@ -2,7 +2,7 @@
 
 import functools
 
-from faintrack.studies.bosser2022 import runs
+from faintrack.studies.bosser2022 import runs, scene
 from faintrack.studies.study import Setting
 
 SNR_DB = (-34, -32, -31, -30, -28, -27, -26, -25, -20, -15)
@@ -26,8 +26,8 @@ def scenario_name(snr_db: int) -> str:
 
 
 SETTINGS = (
-    Setting("modelled_born", runs.modelled, 1536, 64, WALD, {"born": 1.0}, runs.NOISE_SCANS),
-    Setting("modelled_none", runs.modelled, 512, 32, WALD, {"born": 0.0}, runs.NOISE_SCANS),
+    Setting("modelled_born", runs.modelled, 1536, 64, WALD, {"born": 1.0}, scene.NOISE_SCANS),
+    Setting("modelled_none", runs.modelled, 512, 32, WALD, {"born": 0.0}, scene.NOISE_SCANS),
     *(
         Setting(
             scenario_name(snr_db),
@@ -36,13 +36,13 @@ SETTINGS = (
             32 if snr_db in QUICK_DB else 0,
             PER_SCAN,
             {"snr_db": snr_db},
-            runs.SCANS,
+            scene.SCANS,
         )
         for snr_db in SNR_DB
     ),
-    Setting("noise", runs.noise, 30_000, 96, {"highest": ("method",)}, {}, runs.NOISE_SCANS),
-    Setting("guided_15", runs.guided, 1000, 0, PER_SCAN, {"snr_db": -15}, runs.SCANS),
-    Setting("approach", runs.approach, 1000, 8, PER_SCAN, {}, len(runs.approach_snr_db()), batch=8),
+    Setting("noise", runs.noise, 30_000, 96, {"highest": ("method",)}, {}, scene.NOISE_SCANS),
+    Setting("guided_15", runs.guided, 1000, 0, PER_SCAN, {"snr_db": -15}, scene.SCANS),
+    Setting("approach", runs.approach, 1000, 8, PER_SCAN, {}, len(scene.approach_snr_db()), batch=8),
     *(
         Setting(
             f"variant_{name}_{'wald' if wald else 'scenario1'}",
@@ -51,7 +51,7 @@ SETTINGS = (
             0,
             WALD if wald else PER_SCAN,
             {},
-            runs.NOISE_SCANS if wald else runs.SCANS,
+            scene.NOISE_SCANS if wald else scene.SCANS,
         )
         for name in runs.VARIANTS
         for wald in (True, False)

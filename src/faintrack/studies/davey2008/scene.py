@@ -24,25 +24,20 @@ or where the best path ends. The fourth tracker of davey2008 is not in this pack
 
 import functools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.baselines.viterbi import Viterbi, follow
+from faintrack.baselines.viterbi import Viterbi
 from faintrack.beliefs.axis import Axis
-from faintrack.beliefs.belief import Belief, mean
 from faintrack.beliefs.grids import Grid
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.grid import GridFilter
-from faintrack.filters.run import run
 from faintrack.filters.shifts import Shifts
 from faintrack.likelihoods.cells import CellLikelihood, gaussian_spread, swerling0
-from faintrack.likelihoods.within import Within
 from faintrack.sensors.cells import Cells, CellScan
 from faintrack.simulation.cells import draw_scans
 from faintrack.targets.motion import PlanarMotion
@@ -63,16 +58,13 @@ WIDTH, REACH, PLACES = 0.5**0.5, 2, 3
 
 PARTICLES, NEWBORN, VELOCITY_NOISE = 10_000, 5_000, 0.05
 
-Followed = tuple[Float[Array, " scan"], Float[Array, "scan 2"]]
-"""What is thresholded, and the place (x, y), of every frame."""
-
 
 class PixelMean(eqx.Module):
     """Likelihood for a grid of pixels: mean ratio over the places within each."""
 
     likelihood: CellLikelihood
 
-    def log_ratio(self, scan: CellScan, states: PlanarState) -> Float[Array, "x y"]:
+    def log_mean_ratio(self, scan: CellScan) -> Float[Array, "x y"]:
         """Log of the mean ratio of every pixel."""
         reach = REACH * PLACES
         table = self.likelihood.table(scan)[reach:-reach, reach:-reach]
@@ -118,30 +110,6 @@ def likelihood(snr_db: Float[Array, ""] | float) -> CellLikelihood:
     )
 
 
-def by_grid(model: CellLikelihood, scans: CellScan, key: PRNGKeyArray) -> Followed:
-    """Bayes on the grid."""
-    return run(scene().grid, PixelMean(model), scans, key, _known)[1]
-
-
-def by_viterbi(model: CellLikelihood, scans: CellScan, key: PRNGKeyArray) -> Followed:
-    """Dynamic programming on the same grid."""
-    score, state = follow(scene().viterbi, PixelMean(model), scans)
-    return score, jnp.stack([state.x, state.y], axis=-1)
-
-
-def by_particles(model: CellLikelihood, scans: CellScan, key: PRNGKeyArray) -> Followed:
-    """Bernoulli particle filter; a particle out of the image is none."""
-    return run(scene().particles, Within(model, model.cells), scans, key, _known)[1]
-
-
-METHODS: dict[str, Callable[[CellLikelihood, CellScan, PRNGKeyArray], Followed]] = {
-    "grid": by_grid,
-    "viterbi": by_viterbi,
-    "particle": by_particles,
-}
-"""What is compared, by key."""
-
-
 def look(key: PRNGKeyArray, model: CellLikelihood, present: Array | bool) -> tuple[CellScan, Float[Array, "scan 2"]]:
     """Frames, and where the target is or would be: straight through the middle of the image, give or take five pixels.
 
@@ -154,22 +122,5 @@ def look(key: PRNGKeyArray, model: CellLikelihood, present: Array | bool) -> tup
     velocity = speed * jnp.stack([jnp.cos(course), jnp.sin(course)])
     path = place + velocity * (time - (APPEARS + LEAVES - 1) / 2)[:, None]
     still = jnp.zeros(SCANS)
-    there = (time >= APPEARS) & (time < LEAVES) & jnp.asarray(present, bool)
-    return draw_scans(for_scans, model, time, PlanarState(path[:, 0], path[:, 1], still, still), there), path
-
-
-def compare(key: PRNGKeyArray, snr_db: Array, present: Array) -> dict[str, Array]:
-    """One run: what is thresholded, and the distance of the place from the path, by each method; pixels."""
-    model = likelihood(snr_db)
-    for_scans, for_filter = jax.random.split(key)
-    scans, path = look(for_scans, model, present)
-    found: dict[str, Array] = {}
-    for name, method in METHODS.items():
-        found[f"{name}_statistic"], place = method(model, scans, for_filter)
-        found[f"{name}_error"] = jnp.hypot(*(place - path).T)
-    return found
-
-
-def _known(belief: Belief) -> Any:
-    middle = mean(belief)
-    return belief.log_odds, jnp.stack([middle.x, middle.y])
+    seen = (time >= APPEARS) & (time < LEAVES) & jnp.asarray(present, bool)
+    return draw_scans(for_scans, model, time, PlanarState(path[:, 0], path[:, 1], still, still), seen), path

@@ -1,12 +1,12 @@
 """The study's table: settings and how many runs of each."""
 
-from faintrack.studies.davey2008 import scene
+from faintrack.studies.davey2008 import runs, scene
 from faintrack.studies.study import Setting
 
 SNR_DB = (12, 6, 3)
 """Of davey2008; at the target's peak."""
 
-AXES = {f"{method}_{what}": ("scan",) for method in scene.METHODS for what in ("statistic", "error")}
+AXES = {f"{method}_{what}": ("scan",) for method in runs.METHODS for what in ("statistic", "error")}
 
 
 def noise(snr_db: int) -> str:
@@ -22,8 +22,8 @@ def target(snr_db: int) -> str:
 SETTINGS = tuple(
     Setting(
         name(snr_db),
-        scene.compare,
-        runs,
+        runs.compare,
+        full,
         quick,
         AXES,
         {"snr_db": snr_db, "present": name is target},
@@ -31,5 +31,5 @@ SETTINGS = tuple(
         batch=1,
     )
     for snr_db in SNR_DB
-    for name, runs, quick in ((noise, 400, 40), (target, 200, 20))
+    for name, full, quick in ((noise, 400, 40), (target, 200, 20))
 )

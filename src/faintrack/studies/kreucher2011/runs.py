@@ -34,10 +34,10 @@ SURE = 5.0
 
 def follow(key: PRNGKeyArray, tracker: SeveralTargetsTracker, scans: EnergyScan) -> dict[str, Array]:
     """What the whole tracker says of scans."""
-    return said(tracker.steps(tracker.init(key), scans, key)[1])
+    return kept_of(tracker.steps(tracker.init(key), scans, key)[1])
 
 
-def said(estimate: Any) -> dict[str, Array]:
+def kept_of(estimate: Any) -> dict[str, Array]:
     """What is kept of a run's estimates."""
     return {
         "label": estimate.label,
@@ -55,14 +55,14 @@ def whole(speed: Axis, separate: bool = False, scans: int = scene.SCANS) -> Run:
     """The synthetic experiment."""
 
     def run(key: PRNGKeyArray, level: Array) -> dict[str, Array]:
-        truth, heard, for_tracker = drawn(key, level)
-        truth, heard = (jax.tree.map(lambda values: values[:scans], part) for part in (truth, heard))
-        stations = jax.tree.map(lambda values: values[0], heard.stations)
-        bearings = {"tracked": filtered(measured_bearings(heard, truth)), "exact": true_bearings(heard, truth)}
+        truth, energies, for_tracker = drawn(key, level)
+        truth, energies = (jax.tree.map(lambda values: values[:scans], part) for part in (truth, energies))
+        stations = jax.tree.map(lambda values: values[0], energies.stations)
+        bearings = {"tracked": filtered(measured_bearings(energies, truth)), "exact": true_bearings(energies, truth)}
         return {
-            **follow(for_tracker, scene.tracker(level, separate, speed), heard),
+            **follow(for_tracker, scene.tracker(level, separate, speed), energies),
             **truth_of(truth),
-            **{name: crossing(stations, each) for name, each in bearings.items()},
+            **{name: crossing(stations, of_kind) for name, of_kind in bearings.items()},
         }
 
     return run
@@ -104,7 +104,7 @@ def kept(separate: bool) -> Run:
     return run
 
 
-def found(key: PRNGKeyArray, beams: Array) -> dict[str, Array]:
+def detected(key: PRNGKeyArray, beams: Array) -> dict[str, Array]:
     """Two targets beside each other in one detector that knows of neither."""
     for_scans, for_tracker = jax.random.split(key)
     truth = scene.side_by_side(beams)
@@ -139,7 +139,7 @@ def four(key: PRNGKeyArray) -> dict[str, Array]:
         return after, (estimate, place)
 
     _, (estimate, place) = jax.lax.scan(step, tracker.init(for_tracker), scans)
-    return {**said(estimate), **truth_of(truth), "log_place": place}
+    return {**kept_of(estimate), **truth_of(truth), "log_place": place}
 
 
 def near_the_truth(

@@ -139,10 +139,10 @@ def truth(key: PRNGKeyArray) -> PlanarState:
     starts, aims = jnp.array(STARTS), jnp.array(AIMS)
     drawn = paths(key, starts, (aims - starts) / MEETING, SCANS)
     # Another starting velocity moves a path by a straight line: by the one from where it came to its aim.
-    more_x = (aims[:, 0] - drawn.x[MEETING - 1]) / MEETING
-    more_y = (aims[:, 1] - drawn.y[MEETING - 1]) / MEETING
+    added_x = (aims[:, 0] - drawn.x[MEETING - 1]) / MEETING
+    added_y = (aims[:, 1] - drawn.y[MEETING - 1]) / MEETING
     time = times()[:, None]
-    return PlanarState(drawn.x + more_x * time, drawn.y + more_y * time, drawn.vx + more_x, drawn.vy + more_y)
+    return PlanarState(drawn.x + added_x * time, drawn.y + added_y * time, drawn.vx + added_x, drawn.vy + added_y)
 
 
 def crowd(key: PRNGKeyArray) -> PlanarState:

@@ -7,7 +7,7 @@ SLOTS = {name: ("scan", "slot") for name in ("x", "y", "joint")}
 
 TRUE = {name: ("scan", "target") for name in ("true_x", "true_y")}
 
-SAID = {
+ESTIMATES = {
     **SLOTS,
     **TRUE,
     "label": ("scan", "slot"),
@@ -16,7 +16,7 @@ SAID = {
     "full": ("scan",),
 }
 
-WHOLE = {**SAID, **{name: ("scan", "target", "component") for name in ("tracked", "exact")}}
+WHOLE = {**ESTIMATES, **{name: ("scan", "target", "component") for name in ("tracked", "exact")}}
 
 ALONE = {**SLOTS, **TRUE, "active": ("scan", "slot")}
 
@@ -70,11 +70,13 @@ SETTINGS = (
         for name in ("", "_separate")
     ),
     *(
-        Setting(f"crowd_{count}", runs.crowd, 100, 0, SAID, {"count": count}, scans=scene.CROWD_SCANS, batch=1)
+        Setting(f"crowd_{count}", runs.crowd, 100, 0, ESTIMATES, {"count": count}, scans=scene.CROWD_SCANS, batch=1)
         for count in COUNTS
     ),
     *(
-        Setting(f"found_{beams:g}", runs.found, 100, 0, SAID, {"beams": beams}, scans=scene.CROWD_SCANS, batch=1)
+        Setting(
+            f"found_{beams:g}", runs.detected, 100, 0, ESTIMATES, {"beams": beams}, scans=scene.CROWD_SCANS, batch=1
+        )
         for beams in APART
     ),
     *(
@@ -92,5 +94,5 @@ SETTINGS = (
         for beams in APART
         for name in ("", "_separate")
     ),
-    Setting("four", runs.four, 1, 1, {**SAID, "log_place": ("scan", "x", "y")}, batch=1),
+    Setting("four", runs.four, 1, 1, {**ESTIMATES, "log_place": ("scan", "x", "y")}, batch=1),
 )

@@ -52,9 +52,9 @@ def filtered(bearings: Bearings) -> Bearings:
 
         def step(state: Gaussian, bearing: Array) -> tuple[Gaussian, Array]:
             ahead = Gaussian(move @ state.mean, move @ state.covariance @ move.T + noise)
-            told = extended(ahead, lambda mean: mean[:1], error)
-            mean = ahead.mean + told.gain @ (bearing[None] - told.expected)
-            after = Gaussian(mean, ahead.covariance - told.gain @ told.covariance @ told.gain.T)
+            innovation = extended(ahead, lambda mean: mean[:1], error)
+            mean = ahead.mean + innovation.gain @ (bearing[None] - innovation.expected)
+            after = Gaussian(mean, ahead.covariance - innovation.gain @ innovation.covariance @ innovation.gain.T)
             return after, after.mean[0]
 
         return jnp.concatenate([bearings[:1], jax.lax.scan(step, start, bearings[1:])[1]])

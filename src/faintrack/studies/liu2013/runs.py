@@ -24,7 +24,6 @@ from faintrack.baselines.pda import Association, Gaussian, turned, unscented
 from faintrack.beliefs.belief import Belief, mean
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.existence_particle import ExistenceParticleFilter, OfPossible, of_target
-from faintrack.filters.guide_bearings import along_bearings
 from faintrack.filters.run import Filter, Likelihood, step
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
 from faintrack.numerics.precision import full_precision
@@ -41,7 +40,7 @@ FORMS = ("", "_full")
 """Published likelihood, full likelihood."""
 
 Advance = Callable[[Any, BearingSet, PRNGKeyArray], Any]
-Told = Callable[[Any], tuple[Array, Array, Array]]
+Read = Callable[[Any], tuple[Array, Array, Array]]
 
 
 def follow(
@@ -69,27 +68,27 @@ def follow(
     for_path, for_scans, for_filter = jax.random.split(key, 3)
     sensor = scene.sensor(false_per_scan, detection_probability)
     path, observer, time = scene.path(for_path, spread), scene.observer(), jnp.asarray(scene.TIME, float)
-    there = jnp.asarray(scene.present())
+    present = jnp.asarray(scene.present())
 
     def draw(key: PRNGKeyArray, *at: Any) -> tuple[BearingSet, Array]:
         return draw_bearing_set(key, sensor, capacity, *at)
 
-    scans, lost = jax.vmap(draw)(jax.random.split(for_scans, scene.SCANS), time, observer, path, there)
+    scans, lost = jax.vmap(draw)(jax.random.split(for_scans, scene.SCANS), time, observer, path, present)
 
     def by(kind: str, published: Array) -> tuple[Array, Array, Array]:
-        begin, advance, tell = method(kind, sensor, published, particles, births(), for_filter)
+        begin, advance, read = method(kind, sensor, published, particles, births(), for_filter)
 
         def take_in(state: Any, item: tuple[BearingSet, Array]) -> tuple[Any, tuple[Array, Array, Array]]:
             scan, number = item
             state = advance(state, scan, jax.random.fold_in(for_filter, number))
-            return state, tell(state)
+            return state, read(state)
 
         return jax.lax.scan(take_in, begin, (scans, jnp.arange(scene.SCANS)))[1]
 
     forms = jnp.array([form == "" for form in FORMS])
-    found = [jax.vmap(functools.partial(by, kind))(forms) for kind in kinds]
+    of_kinds = [jax.vmap(functools.partial(by, kind))(forms) for kind in kinds]
     # (kind, form, scan) to (scan, kind, form).
-    log_odds, x, y = (jnp.moveaxis(jnp.stack(each), 2, 0) for each in zip(*found, strict=True))
+    log_odds, x, y = (jnp.moveaxis(jnp.stack(values), 2, 0) for values in zip(*of_kinds, strict=True))
     error = jnp.hypot(x - path.x[:, None, None], y - path.y[:, None, None])
     drawn = {"x": path.x, "y": path.y, "bearing": scans.bearing, "there": scans.there, "lost": lost.sum()}
     return {"log_odds": log_odds, "error": error, **drawn}
@@ -97,7 +96,7 @@ def follow(
 
 def method(
     kind: str, sensor: BearingSensor, published: Array, particles: int, birth: Any, key: PRNGKeyArray
-) -> tuple[Any, Advance, Told]:
+) -> tuple[Any, Advance, Read]:
     """A method: its start, what takes it to the next scan, and what it says (log odds, x, y)."""
     if kind in ("ipda", "immpda"):
         single = classic(sensor, published, birth)
@@ -112,20 +111,20 @@ def method(
     takes_in: Likelihood
     if kind == "particle":
         filter = ExistenceParticleFilter(target, particles, scene.CHOSEN["scarce"].value)
-        takes_in, read = OfPossible(likelihood), of_target
+        takes_in, of = OfPossible(likelihood), of_target
     else:
         newborn = round(scene.CHOSEN["births"].value * particles)
         filter = BernoulliParticleFilter(target, particles - newborn, newborn)
-        takes_in, read = likelihood, lambda belief: belief
+        takes_in, of = likelihood, lambda belief: belief
 
-    def tell(belief: Belief) -> tuple[Array, Array, Array]:
-        belief = read(belief)
+    def read(belief: Belief) -> tuple[Array, Array, Array]:
+        belief = of(belief)
         middle = mean(belief)
         return belief.log_odds, middle.x, middle.y
 
     begin = filter.init(jax.random.fold_in(key, scene.SCANS))
-    guided = along_bearings if isinstance(birth, RangeBirth) else False
-    return begin, lambda belief, scan, key: step(filter, takes_in, belief, scan, key, guided)[0], tell
+    guided = isinstance(birth, RangeBirth)
+    return begin, lambda belief, scan, key: step(filter, takes_in, belief, scan, key, guided)[0], read
 
 
 @full_precision
@@ -148,7 +147,8 @@ def classic(sensor: BearingSensor, published: Array, birth: Any) -> Ipda:
         moments(birth),
         jnp.asarray(transition, float),
         jnp.kron(root @ root.T, jnp.eye(2)),
-        *scene.target(birth).transition(scene.INTERVAL),
+        scene.target(birth),
+        scene.INTERVAL,
     )
 
 

@@ -112,15 +112,15 @@ def plant_noise(key: PRNGKeyArray) -> Float[Array, " scan"]:
 def straight(key: PRNGKeyArray) -> dict[str, Array]:
     """The paper's target: highest value of the surface over the sensor, within a cell of the truth; peaks of noise."""
     path = START + VELOCITY * jnp.arange(SCANS)
-    found = look(key, path)
-    inside = found[:, SENSOR]
+    whole = look(key, path)
+    inside = whole[:, SENSOR]
     position, velocity = jnp.asarray(POSITIONS.values), jnp.asarray(VELOCITIES.values)
     beside = jnp.abs(position - path[:, None]) < 1.5
     near = beside[:, :, None] & (jnp.abs(velocity - VELOCITY) < 1.5)
     peaks = noise_peaks(inside[-1], jnp.abs(position[SENSOR] - path[-1]) > APART)
     return {
         "peak": inside.max(axis=(1, 2)),
-        "near": jnp.where(near, found, -jnp.inf).max(axis=(1, 2)),
+        "near": jnp.where(near, whole, -jnp.inf).max(axis=(1, 2)),
         "noise_peak": jnp.nanmedian(peaks),
         "noise_peak_highest": jnp.nanmax(peaks),
     }
@@ -132,12 +132,12 @@ def modelled(key: PRNGKeyArray) -> dict[str, Array]:
     start = jax.random.randint(for_start, (), 1, CELLS + 1)
     velocity = jax.random.choice(for_velocity, jnp.asarray(VELOCITIES.values, jnp.float32))
     path = start + velocity * jnp.arange(SCANS) + plant_noise(for_plant)
-    return _told(look(for_scans, path))
+    return _over_sensor(look(for_scans, path))
 
 
 def noise(key: PRNGKeyArray) -> dict[str, Array]:
     """No target: the same, to compare with counting."""
-    return _told(look(key, jnp.zeros(SCANS), present=False))
+    return _over_sensor(look(key, jnp.zeros(SCANS), present=False))
 
 
 def ending(key: PRNGKeyArray) -> dict[str, Array]:
@@ -162,8 +162,8 @@ def noise_peaks(values: Float[Array, "position velocity"], away: Array) -> Float
     return jnp.where((values == highest) & (values > -jnp.inf) & away[:, None], values, jnp.nan)
 
 
-def _told(found: Float[Array, "scan position velocity"]) -> dict[str, Array]:
+def _over_sensor(surface: Float[Array, "scan position velocity"]) -> dict[str, Array]:
     """Highest value over the sensor after every scan, and the log ratio of the scans so far to noise."""
     log_prior_odds = math.log(PRIOR) - math.log1p(-PRIOR)
-    total = jax.nn.logsumexp(found, axis=(1, 2))
-    return {"peak": found[:, SENSOR].max(axis=(1, 2)), "log_ratio": total - log_prior_odds}
+    total = jax.nn.logsumexp(surface, axis=(1, 2))
+    return {"peak": surface[:, SENSOR].max(axis=(1, 2)), "log_ratio": total - log_prior_odds}

@@ -195,12 +195,12 @@ def by_grid(key: PRNGKeyArray) -> dict[str, Array]:
     def take_in(carried: tuple[Belief, Array], scan: CellScan) -> tuple[tuple[Belief, Array], PlanarState]:
         belief, corner = carried
         predicted = filter.predict(belief, scan.time, key)
-        there = PlanarState(here.x + corner[0] * PIXEL, here.y + corner[1] * PIXEL, here.vx, here.vy)
-        belief, _ = update(predicted, likelihood.log_ratio(scan, there))
-        found = mean(belief)
-        off = jnp.round(jnp.stack([found.x, found.y]) / PIXEL).astype(jnp.int32)
+        at_window = PlanarState(here.x + corner[0] * PIXEL, here.y + corner[1] * PIXEL, here.vx, here.vy)
+        belief, _ = update(predicted, likelihood.log_ratio(scan, at_window))
+        middle = mean(belief)
+        off = jnp.round(jnp.stack([middle.x, middle.y]) / PIXEL).astype(jnp.int32)
         moved = Belief(here, shifted(belief.log_weights, off), belief.log_odds, belief.time)
-        estimate = PlanarState(found.x + corner[0] * PIXEL, found.y + corner[1] * PIXEL, found.vx, found.vy)
+        estimate = PlanarState(middle.x + corner[0] * PIXEL, middle.y + corner[1] * PIXEL, middle.vx, middle.vy)
         return (moved, corner + off), estimate
 
     start = (filter.init(key, existence=0.5), jnp.zeros(2, jnp.int32))
@@ -213,5 +213,5 @@ def shifted(log_weights: Float[Array, "vx vy x y"], off: Array) -> Float[Array, 
     return jax.lax.dynamic_slice(padded, (0, 0, WINDOW + off[0], WINDOW + off[1]), log_weights.shape)
 
 
-def _errors(found: PlanarState, truth: PlanarState) -> dict[str, Array]:
-    return {"error": jnp.hypot(found.x - truth.x, found.y - truth.y) / PIXEL}
+def _errors(estimate: PlanarState, truth: PlanarState) -> dict[str, Array]:
+    return {"error": jnp.hypot(estimate.x - truth.x, estimate.y - truth.y) / PIXEL}

@@ -11,14 +11,14 @@ so stand for
 the birth density, as Monte Carlo integration with importance sampling does, and land where they can matter.
 """
 
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.filters.resampling import systematic
-from faintrack.sensors.beams import BeamScan
+from faintrack.numerics.resampling import systematic
+from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import UniformBirth
 
@@ -29,14 +29,26 @@ SNR_CELLS = 20
 """Cells of the SNR between the ends of the birth density."""
 
 
-def guide(
-    likelihood: Any, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
+@runtime_checkable
+class Tabled(Protocol):
+    """Likelihood whose ratio is a table over the bearings of a grid and any SNR."""
+
+    @property
+    def grid(self) -> BeamGrid:
+        """Axes of the scans."""
+
+    def table(self, scan: BeamScan, snr_db: Float[Array, " snr"]) -> Float[Array, "bearing snr"]:
+        """Log ratio at every bearing of the grid and the given SNR; dB."""
+
+
+def along_beams(
+    likelihood: Tabled, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
 ) -> tuple[BearingState, Float[Array, " count"]]:
     """Draw states from a birth density over all bearings, more of them where a scan points.
 
     Parameters
     ----------
-    likelihood : with `table(scan, snr_db)` and a grid of bearings.
+    likelihood : with a table of its ratio.
     scan : one frame.
     birth : uniform; its SNR has an upper and a lower end, its bearings are those of the grid.
     key : random key.

@@ -8,27 +8,27 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Array, Float
+from matplotlib.axes import Axes
 
 from faintrack.likelihoods.contacts import BearingContact, Contact, RangeDetection, Together, convergence_zones
+from faintrack.studies.panels import BLUE, VERMILION, Panel, mosaic
+from faintrack.studies.printed import PRINTED
 from faintrack.studies.stone2002 import periscope, simulation, tenet
 from faintrack.studies.stone2002.settings import periscope_name
 from faintrack.studies.study import Results, finished
 from faintrack.targets.states import PlanarState
 
-TRUTH = "#D55E00"
+TRUTH = VERMILION
 """Colour of what is true."""
 
 SENSOR, BEARING_DEG, BEARING_ERROR_DEG = (70.0, 0.0), 135.0, 15.0
 """Section 2.4: place of the sensor, the bearing measured and its standard deviation."""
 
-Panel = tuple[str, dict[str, Any] | None, Callable[[Any], None]]
-"""Title, projection, and what draws it."""
-
 
 def figures(results: Results, folder: Path) -> list[Path]:
     """Figures of the paper by its numbers; those of settings that have not run are left out."""
-    drawn = [save(folder, "figure_1_to_3", _contacts(), columns=3)]
+    drawn = [mosaic(folder / "figure_1_to_3.png", _contacts(), columns=3)]
     for name, setting, panels, columns in (
         ("figure_4_to_7", "surfaces", _surfaces, 2),
         ("figure_8_and_9", "profiles", _profiles, 2),
@@ -37,28 +37,12 @@ def figures(results: Results, folder: Path) -> list[Path]:
     ):
         data = finished(results, setting)
         if data is not None:
-            drawn.append(save(folder, name, panels(data.isel(run=0)), columns))
+            drawn.append(mosaic(folder / f"{name}.png", panels(data.isel(run=0)), columns))
     by_scr = {scr_db: finished(results, periscope_name(scr_db)) for scr_db in periscope.SCR_DB}
-    there = {scr_db: data for scr_db, data in by_scr.items() if data is not None}
-    if there:
-        drawn.append(save(folder, "periscope", [("", None, lambda axis: _by_scr(axis, there))], columns=1))
+    ran = {scr_db: data for scr_db, data in by_scr.items() if data is not None}
+    if ran:
+        drawn.append(mosaic(folder / "periscope.png", [("", {}, lambda axis: _by_scr(axis, ran))], columns=1))
     return drawn
-
-
-def save(folder: Path, name: str, panels: list[Panel], columns: int) -> Path:
-    """Draw the panels of one picture, row by row."""
-    import matplotlib.pyplot as plt
-
-    lines = math.ceil(len(panels) / columns)
-    figure = plt.figure(figsize=(3.4 * columns + 1, 3.2 * lines + 0.4), layout="constrained")
-    for number, (title, options, draw) in enumerate(panels):
-        axis = figure.add_subplot(lines, columns, number + 1, **(options or {}))
-        draw(axis)
-        axis.set_title(title, fontsize=10)
-    path = folder / f"{name}.png"
-    figure.savefig(path, dpi=80)
-    plt.close(figure)
-    return path
 
 
 def _contacts() -> list[Panel]:
@@ -68,23 +52,21 @@ def _contacts() -> list[Panel]:
     states = PlanarState(place[None, :], place[:, None], still, still)
     detection = RangeDetection(SENSOR, convergence_zones(30.0, 4.0), 0.01)
     bearing = BearingContact(SENSOR, math.radians(BEARING_ERROR_DEG))
-    heard = Contact(still, jnp.array(True)), Contact(still, jnp.array(math.radians(BEARING_DEG)))
-    both = Together((detection, bearing)).log_ratio(heard, states)
-    found = (
-        ("1: detection", detection.log_ratio(heard[0], states)),
-        ("2: bearing", bearing.log_ratio(heard[1], states)),
-        ("3: both", both),
-    )
+    contacts = Contact(still, jnp.array(True)), Contact(still, jnp.array(math.radians(BEARING_DEG)))
 
-    def panel(title: str, log_ratio: Any) -> Panel:
-        def draw(axis: Any) -> None:
+    def panel(title: str, log_ratio: Array) -> Panel:
+        def draw(axis: Axes) -> None:
             shown = axis.imshow(np.exp(np.asarray(log_ratio)), origin="lower", extent=(0, 100, 0, 100))
             axis.plot(*SENSOR, "w^", clip_on=False)
             axis.figure.colorbar(shown, ax=axis, shrink=0.7, label="likelihood ratio")
 
-        return title, None, draw
+        return title, {}, draw
 
-    return [panel(*each) for each in found]
+    return [
+        panel("1: detection", detection.log_ratio(contacts[0], states)),
+        panel("2: bearing", bearing.log_ratio(contacts[1], states)),
+        panel("3: both", Together((detection, bearing)).log_ratio(contacts, states)),
+    ]
 
 
 def _surfaces(run: xr.Dataset) -> list[Panel]:
@@ -106,15 +88,15 @@ def _surfaces(run: xr.Dataset) -> list[Panel]:
 
         return f"{number}: t = {time}", {"projection": "3d"}, draw
 
-    return [panel(*each) for each in ((4, 0), (5, 5), (6, 10), (7, 15))]
+    return [panel(number, time) for number, time in ((4, 0), (5, 5), (6, 10), (7, 15))]
 
 
 def _profiles(run: xr.Dataset) -> list[Panel]:
     """Power of the radar, and likelihood ratio of every range, scan by scan downward."""
     end = (0, periscope.RANGES, periscope.SCANS * periscope.INTERVAL, 0)
 
-    def picture(values: Float[np.ndarray, "scan range"], label: str, low: float) -> Callable[[Any], None]:
-        def draw(axis: Any) -> None:
+    def picture(values: Float[np.ndarray, "scan range"], label: str, low: float) -> Callable[[Axes], None]:
+        def draw(axis: Axes) -> None:
             shown = axis.imshow(values, extent=end, aspect="auto", vmin=low, cmap="viridis")
             axis.set(xlabel="range (ft)", ylabel="time (s)")
             axis.figure.colorbar(shown, ax=axis, label=label)
@@ -122,8 +104,8 @@ def _profiles(run: xr.Dataset) -> list[Panel]:
         return draw
 
     return [
-        ("8: radar", None, picture(10 * np.log10(run.power.values), "power (dB)", -20.0)),
-        ("9: tracker", None, picture(run.over_range.values / math.log(10), "log10 likelihood ratio", -6.0)),
+        ("8: radar", {}, picture(10 * np.log10(run.power.values), "power (dB)", -20.0)),
+        ("9: tracker", {}, picture(run.over_range.values / math.log(10), "log10 likelihood ratio", -6.0)),
     ]
 
 
@@ -132,7 +114,7 @@ def _expanded(run: xr.Dataset) -> list[Panel]:
     time = periscope.INTERVAL * np.arange(periscope.SCANS)
     path = run.path.values
 
-    def near(axis: Any) -> None:
+    def near(axis: Axes) -> None:
         middle = path[(time >= periscope.EXPOSED) & (time < periscope.SUBMERGED)]
         low, high = max(int(middle.min()) - 20, 0), int(middle.max()) + 20
         values = run.over_range.values[:, low:high] / math.log(10)
@@ -141,14 +123,14 @@ def _expanded(run: xr.Dataset) -> list[Panel]:
             axis.axhline(edge, color=TRUTH, lw=0.8)
         axis.set(xlabel="range (ft)", ylabel="time (s)", ylim=(periscope.SUBMERGED + 5, periscope.EXPOSED - 2))
 
-    def rate(axis: Any) -> None:
+    def rate(axis: Axes) -> None:
         edges = periscope.RATES.edges[[0, -1]] * periscope.FOOT
         values = run.over_rate.values / math.log(10)
         axis.imshow(values, extent=(*edges, time[-1], 0), aspect="auto", vmin=-4, cmap="Greys")
         axis.axvline(float(run.rate) * periscope.FOOT, color=TRUTH, lw=0.8, ls=":")
         axis.set(xlabel="range rate (m/s)", ylabel="time (s)")
 
-    return [("10: near the target", None, near), ("10: range rates", None, rate)]
+    return [("10: near the target", {}, near), ("10: range rates", {}, rate)]
 
 
 def _points(run: xr.Dataset) -> list[Panel]:
@@ -161,13 +143,13 @@ def _points(run: xr.Dataset) -> list[Panel]:
         with np.errstate(divide="ignore"):
             shown = np.log(summed.T)
 
-        def draw(axis: Any) -> None:
+        def draw(axis: Axes) -> None:
             mesh = axis.pcolormesh(*edges, np.where(np.isfinite(shown), shown, np.nan), cmap="viridis")
             axis.plot(truth[time, at], truth[time, at + 1], "*", color=TRUTH, ms=9)
             axis.set(xlabel=labels[0], ylabel=labels[1], aspect="equal")
             axis.figure.colorbar(mesh, ax=axis, shrink=0.7)
 
-        return f"{number}: t = {2 * time}", None, draw
+        return f"{number}: t = {2 * time}", {}, draw
 
     half = tenet.PIXEL / 2
     pixels = np.arange(-1.5 - half, 4.5 + tenet.PIXEL, tenet.PIXEL), np.arange(-3 - half, 3 + tenet.PIXEL, tenet.PIXEL)
@@ -178,11 +160,12 @@ def _points(run: xr.Dataset) -> list[Panel]:
     ]
 
 
-def _by_scr(axis: Any, there: dict[int, xr.Dataset]) -> None:
+def _by_scr(axis: Axes, ran: dict[int, xr.Dataset]) -> None:
     """How the periscope's peak moves with its strength."""
-    quantiles = np.array([np.quantile(data.peak, [0.16, 0.5, 0.84]) for data in there.values()]) / math.log(10)
-    axis.fill_between(list(there), quantiles[:, 0], quantiles[:, 2], color="#0072B2", alpha=0.2, lw=0)
-    axis.plot(list(there), quantiles[:, 1], color="#0072B2", marker="o", ms=4)
-    axis.axhline(7.6, color="0.7", lw=0.8)
-    axis.annotate("paper", (max(there), 7.6), ha="right", va="bottom", color="0.4")
+    printed = PRINTED["stone2002"]["periscope_log10_peak"]
+    quantiles = np.array([np.quantile(data.peak, [0.16, 0.5, 0.84]) for data in ran.values()]) / math.log(10)
+    axis.fill_between(list(ran), quantiles[:, 0], quantiles[:, 2], color=BLUE, alpha=0.2, lw=0)
+    axis.plot(list(ran), quantiles[:, 1], color=BLUE, marker="o", ms=4)
+    axis.axhline(printed, color="0.7", lw=0.8)
+    axis.annotate("paper", (max(ran), printed), ha="right", va="bottom", color="0.4")
     axis.set(xlabel="target over clutter (dB)", ylabel="log10 of the highest likelihood ratio")

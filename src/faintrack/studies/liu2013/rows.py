@@ -21,7 +21,7 @@ follow false bearings are part of the root mean square; `median_error_m` hardly 
 Intervals are by bootstrap over runs.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
@@ -32,11 +32,10 @@ from faintrack.errors import InputError
 from faintrack.metrics.cramer_rao import bearing_information, posterior_bound
 from faintrack.metrics.intervals import bootstrap_interval
 from faintrack.studies.liu2013 import runs, scene
-from faintrack.studies.liu2013.settings import BIRTHS, DETECTION, FALSE, GROUPS, PARTICLES
+from faintrack.studies.liu2013.settings import DETECTION, FALSE, GROUPS, PARTICLES
+from faintrack.studies.printed import PRINTED
+from faintrack.studies.rows import BOOTSTRAPS, beside, bootstrapped, mean, row
 from faintrack.studies.study import Results, Row, finished
-
-PAPER = {"particle": (0.0067, 0.96), "ipda": (0.04, 0.812), "immpda": (0.5333, 0.86)}
-"""Table 2: probabilities of a false alarm and of detection."""
 
 LABELS = {
     "particle": "particles with a bit (the paper's)",
@@ -48,31 +47,32 @@ LABELS = {
 WINDOW = slice(19, 32)
 """Scans 20 to 32."""
 
-BOOTSTRAPS = 400
+VARIED = {
+    "false": (FALSE, "{} false bearings a scan"),
+    "detection": (DETECTION, "P_D {} %"),
+    "particles": (PARTICLES, "{} particles"),
+}
+"""What is varied: beginning of its settings' names, values, and how a value is said."""
 
 
 def rows(results: Results) -> list[Row]:
     """The study's numbers; a setting that has not run leaves its rows out."""
-    found: list[Row] = []
-    for births, suffix in (("start", ""), *((name, f"_{name}") for name in BIRTHS if name != "start")):
-        title = {"start": "", "region": ", births over the region", "along": ", births along bearings"}[births]
+    ours: list[Row] = []
+    for births, title in (("start", ""), ("region", ", births over the region"), ("along", ", births along bearings")):
+        suffix = "" if births == "start" else f"_{births}"
         for kind, form, data in methods(results, births):
-            found += _detection(kind, form, data, suffix, title, paper=births == "start")
-            found += _times(kind, form, data, suffix, title)
-            found += _accuracy(kind, form, data, suffix, title)
+            ours += _detection(kind, form, data, suffix, title)
+            ours += _times(kind, form, data, suffix, title)
+            ours += _accuracy(kind, form, data, suffix, title)
     for kind, form, data in methods(results, "drawn"):
-        found += _accuracy(kind, form, data, "_drawn", ", start drawn from the births")
-    for prefix, values, title in (
-        ("false", FALSE, "{} false bearings a scan"),
-        ("detection", DETECTION, "P_D {} %"),
-        ("particles", PARTICLES, "{} particles"),
-    ):
+        ours += _accuracy(kind, form, data, "_drawn", ", start drawn from the births")
+    for prefix, (values, title) in VARIED.items():
         for value in values:
             for kind, form, data in methods(results, f"{prefix}_{value}"):
-                suffix, more = f"_{prefix}_{value}", ", " + title.format(value)
-                found += _detection(kind, form, data, suffix, more)
-                found += _accuracy(kind, form, data, suffix, more)
-    return [*found, *_bounds(results), *_chosen()]
+                suffix, said = f"_{prefix}_{value}", ", " + title.format(value)
+                ours += _detection(kind, form, data, suffix, said)
+                ours += _accuracy(kind, form, data, suffix, said)
+    return beside(PRINTED["liu2013"], [*ours, *_bounds(results), *_chosen()])
 
 
 def methods(results: Results, name: str) -> Iterator[tuple[str, str, xr.Dataset]]:
@@ -99,10 +99,10 @@ def squares(data: xr.Dataset) -> np.ndarray:
     return np.where(declared(data), data.error.values.astype(float) ** 2, np.nan)
 
 
-def probabilities(told: np.ndarray) -> np.ndarray:
-    """Probabilities of a false alarm and of detection from what was declared."""
-    there = scene.present()
-    return np.array([told[:, ~there].mean(), told[:, there].mean()])
+def probabilities(declared: np.ndarray) -> np.ndarray:
+    """Probabilities of a false alarm and of detection from what was declared, runs by scans."""
+    present = scene.present()
+    return np.array([declared[:, ~present].mean(), declared[:, present].mean()])
 
 
 def bound(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
@@ -114,8 +114,8 @@ def bound(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     covariance, noise, error = _gaussians()
 
     def position(share: float) -> np.ndarray:
-        found = posterior_bound(states, np.linalg.inv(covariance), _move, noise, _measure, error, share)
-        return np.sqrt(found[:, 0, 0] + found[:, 1, 1])
+        least = posterior_bound(states, np.linalg.inv(covariance), _move, noise, _measure, error, share)
+        return np.sqrt(least[:, 0, 0] + least[:, 1, 1])
 
     return position(1.0), position(bearing_information(sensor)[0])
 
@@ -136,87 +136,72 @@ def _measure(state: jax.Array, scan: jax.Array) -> jax.Array:
     return jnp.arctan2(state[1] - observer.y[at], state[0] - observer.x[at])[None]
 
 
-def _detection(kind: str, form: str, data: xr.Dataset, suffix: str, title: str, paper: bool = False) -> list[Row]:
-    told = declared(data)
-    values = probabilities(told).tolist()
-    low, high = bootstrap_interval(probabilities, told, BOOTSTRAPS)
-    printed = PAPER.get(kind, (None, None)) if paper else (None, None)
-    name = f"{LABELS[kind]}, {_form(form)}{title}"
+def _detection(kind: str, form: str, data: xr.Dataset, suffix: str, title: str) -> list[Row]:
+    above, name = declared(data), _name(kind, form, title)
+    values = probabilities(above).tolist()
+    ends = zip(*bootstrap_interval(probabilities, above, BOOTSTRAPS), strict=True)
+    measures = (("pfa", "scans with a false alarm"), ("pd", "scans with a detection"))
     return [
-        Row(f"{key}_{kind}{form}{suffix}", f"{name}: {what}", "1", printed[at], values[at], (low[at], high[at]))
-        for at, (key, what) in enumerate((("pfa", "scans with a false alarm"), ("pd", "scans with a detection")))
+        row(f"{key}_{kind}{form}{suffix}", f"{name}: {what}", "1", value, interval)
+        for (key, what), value, interval in zip(measures, values, ends, strict=True)
     ]
 
 
 def _times(kind: str, form: str, data: xr.Dataset, suffix: str, title: str) -> list[Row]:
-    told, name = declared(data), f"{LABELS[kind]}, {_form(form)}{title}"
-    here, after = told[:, scene.FIRST - 1 : scene.LAST], told[:, scene.LAST :]
+    above, name = declared(data), _name(kind, form, title)
+    here, after = above[:, scene.FIRST - 1 : scene.LAST], above[:, scene.LAST :]
     delay = np.where(here.any(axis=1), here.argmax(axis=1), here.shape[1]) * scene.INTERVAL
     gone = (np.where(after.all(axis=1), after.shape[1], after.argmin(axis=1)) + 1) * scene.INTERVAL
     gone = np.minimum(gone, after.shape[1] * scene.INTERVAL)[here[:, -1]]
-    found = [_mean(f"delay_{kind}{form}{suffix}_s", f"{name}: delay of the declaration, mean", "s", delay)]
+    ours = [mean(f"delay_{kind}{form}{suffix}_s", f"{name}: delay of the declaration, mean", "s", delay)]
     if gone.size:
-        found.append(_mean(f"termination_{kind}{form}{suffix}_s", f"{name}: time to termination, mean", "s", gone))
-    return found
+        ours.append(mean(f"termination_{kind}{form}{suffix}_s", f"{name}: time to termination, mean", "s", gone))
+    return ours
 
 
 def _accuracy(kind: str, form: str, data: xr.Dataset, suffix: str, title: str) -> list[Row]:
     """Ratio to the bound, where that is the setting's; root mean square; median."""
-    found, name = squares(data)[:, WINDOW], f"{LABELS[kind]}, {_form(form)}{title}"
-    if np.isnan(found).all(axis=0).any():
+    errors, name = squares(data)[:, WINDOW], _name(kind, form, title)
+    if np.isnan(errors).all(axis=0).any():
         return []
-    least = bound(data)[0][-found.shape[1] :]
-
-    def ratio(found: np.ndarray) -> float:
-        return float(np.mean(np.sqrt(np.nanmean(found, axis=0)) / least))
-
-    def rms(found: np.ndarray) -> float:
-        return float(np.sqrt(np.nanmean(found)))
-
-    def median(found: np.ndarray) -> float:
-        return float(np.sqrt(np.nanmedian(found)))
-
+    least = bound(data)[0][-errors.shape[1] :]
     key = f"{'' if kind == 'particle' else '_' + kind}{form}{suffix}"
-    told = [
-        (f"rms_m{key}", f"{name}: RMS error of the position, scans 20 to 32", "m", rms),
-        (f"median_error_m{key}", f"{name}: median error of the position, scans 20 to 32", "m", median),
+    measures = {
+        f"rms_ratio_crlb{key}": (
+            "RMS error over the bound",
+            "1",
+            lambda errors: np.mean(np.sqrt(np.nanmean(errors, axis=0)) / least),
+        ),
+        f"rms_m{key}": ("RMS error of the position", "m", lambda errors: np.sqrt(np.nanmean(errors))),
+        f"median_error_m{key}": ("median error of the position", "m", lambda errors: np.sqrt(np.nanmedian(errors))),
+    }
+    if suffix not in ("", "_drawn") and not suffix.startswith("_particles"):
+        del measures[f"rms_ratio_crlb{key}"]
+    return [
+        bootstrapped(key, f"{name}: {what}, scans 20 to 32", unit, statistic, errors)
+        for key, (what, unit, statistic) in measures.items()
     ]
-    if suffix in ("", "_drawn") or suffix.startswith("_particles"):
-        told.insert(0, (f"rms_ratio_crlb{key}", f"{name}: RMS error over the bound, scans 20 to 32", "1", ratio))
-    return [Row(key, name, unit, None, read(found), _bootstrapped(read, found)) for key, name, unit, read in told]
 
 
 def _bounds(results: Results) -> list[Row]:
     start = next(methods(results, "start"), None)
     if start is None:
         return []
-    alone, among = (float(each[WINDOW.start - scene.LAST - 1 :].mean()) for each in bound(start[2]))
+    alone, among = (float(least[WINDOW.start - scene.LAST - 1 :].mean()) for least in bound(start[2]))
     title = "posterior Cramer-Rao bound of the position, scans 20 to 32"
     return [
-        Row("crlb_m", title, "m", None, alone),
-        Row("crlb_clutter_m", f"{title}, with the information that false bearings leave", "m", None, among),
+        row("crlb_m", title, "m", alone),
+        row("crlb_clutter_m", f"{title}, with the information that false bearings leave", "m", among),
     ]
 
 
 def _chosen() -> list[Row]:
     """What the paper does not print."""
     return [
-        Row(f"chosen_{key}", f"chosen: {chosen.name}", chosen.unit, None, chosen.value)
+        row(f"chosen_{key}", f"chosen: {chosen.name}", chosen.unit, chosen.value)
         for key, chosen in scene.CHOSEN.items()
     ]
 
 
-def _form(form: str) -> str:
-    return "full likelihood" if form else "published likelihood"
-
-
-def _mean(key: str, name: str, unit: str, values: np.ndarray) -> Row:
-    def mean(values: np.ndarray) -> float:
-        return float(values.mean())
-
-    return Row(key, name, unit, None, mean(values), _bootstrapped(mean, values))
-
-
-def _bootstrapped(statistic: Callable[[np.ndarray], float], values: np.ndarray) -> tuple[float, float]:
-    low, high = bootstrap_interval(statistic, values, BOOTSTRAPS)
-    return float(low), float(high)
+def _name(kind: str, form: str, title: str) -> str:
+    return f"{LABELS[kind]}, {'full' if form else 'published'} likelihood{title}"

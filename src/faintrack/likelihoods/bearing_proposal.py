@@ -10,17 +10,23 @@ with V the width of the sector and :math:`\alpha` one half, and have the weight 
 density of the draws, at most 2. They so stand for the birth density, and land where a target can be.
 """
 
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.filters.guide import EVERYWHERE
-from faintrack.filters.resampling import systematic
+from faintrack.likelihoods.beam_proposal import EVERYWHERE
+from faintrack.likelihoods.protocols import Likelihood
+from faintrack.numerics.resampling import systematic
 from faintrack.sensors.bearing_sets import BearingSet, ObserverSets
 from faintrack.targets.births import RangeBirth
 from faintrack.targets.states import PlanarState
+from faintrack.targets.target import Birth
+
+Candidates = Callable[[PRNGKeyArray, int], tuple[PlanarState, Array]]
 
 CANDIDATES = 8
 """States looked at for each that is drawn."""
@@ -82,29 +88,53 @@ def along_bearings(
 
 
 def where_bearings_agree(
-    likelihood: Any, scan: ObserverSets, birth: Any, key: PRNGKeyArray, count: int
+    likelihood: Any, scan: ObserverSets, birth: Birth, key: PRNGKeyArray, count: int
 ) -> tuple[PlanarState, Float[Array, " count"]]:
     """Draw states of new targets, half of them where the bearings of all observers at a time say.
 
-    Of `CANDIDATES` times as many states, along the bearings of the first observer that reported or from a density of
-    another kind, half are chosen evenly and half by the ratio of all bearings, as in `faintrack.filters.guide`;
-    velocities, of which bearings say nothing, are drawn anew.
+    They are chosen by `where_likely`, from states along the bearings of the first observer that reported where births
+    are at a range, otherwise from the birth density. For a lone observer with births at a range it is `along_bearings`
+    itself.
 
     Parameters and results as of `along_bearings`; the likelihood is that of all observers, the birth density any in the
-    plane. For a lone observer with births at a range it is `along_bearings` itself.
+    plane.
     """
-    at_range = isinstance(birth, RangeBirth)
-    if at_range and scan.heard.shape[-1] == 1:
-        return along_bearings(likelihood.each, scan.first(), birth, key, count)
+    if not isinstance(birth, RangeBirth):
+        return where_likely(likelihood, scan, birth, key, count)
+    first = functools.partial(along_bearings, likelihood.each, scan.first(), birth)
+    return first(key, count) if scan.heard.shape[-1] == 1 else where_likely(likelihood, scan, birth, key, count, first)
+
+
+def where_likely(
+    likelihood: Likelihood,
+    scan: Any,
+    birth: Birth,
+    key: PRNGKeyArray,
+    count: int,
+    candidates: Candidates | None = None,
+) -> tuple[PlanarState, Float[Array, " count"]]:
+    """Draw states of new targets in the plane, half of them where the ratio of a scan is large.
+
+    Of `CANDIDATES` times as many states half are chosen evenly and half by their ratio, as in
+    `faintrack.likelihoods.beam_proposal`; velocities, of which bearings say nothing, are drawn anew.
+
+    Parameters
+    ----------
+    likelihood, scan : what the candidates are judged by.
+    birth : any density in the plane.
+    key : random key.
+    count : how many to draw.
+    candidates : function of (key, count) to states and the log of their weights; the birth density where not given.
+    """
     for_candidates, for_choice, for_rest = jax.random.split(key, 3)
-    if at_range:
-        places, log_weights = along_bearings(likelihood.each, scan.first(), birth, for_candidates, CANDIDATES * count)
+    if candidates is not None:
+        places, log_weights = candidates(for_candidates, CANDIDATES * count)
     else:
         places = birth.sample(for_candidates, CANDIDATES * count)
         log_weights = jnp.zeros_like(places.x)
-    told = log_weights + likelihood.log_ratio(scan, places)
-    share = EVERYWHERE / told.size + (1 - EVERYWHERE) * jax.nn.softmax(told)
+    log_joint = log_weights + likelihood.log_ratio(scan, places)
+    share = EVERYWHERE / log_joint.size + (1 - EVERYWHERE) * jax.nn.softmax(log_joint)
     chosen = systematic(for_choice, jnp.log(share), count, count)
     fresh = birth.sample(for_rest, count)
     states = PlanarState(places.x[chosen], places.y[chosen], fresh.vx, fresh.vy)
-    return states, log_weights[chosen] - jnp.log(share[chosen] * told.size)
+    return states, log_weights[chosen] - jnp.log(share[chosen] * log_joint.size)

@@ -2,7 +2,6 @@
 
 import functools
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,20 +11,35 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from faintrack.studies.kreucher2011 import runs, scene
-from faintrack.studies.kreucher2011.report import Tracks, before_and_after, rows_of_crowd, rows_of_pair, tracks_of
+from faintrack.studies.kreucher2011.rows import rows_of_crowd, rows_of_pair
 from faintrack.studies.kreucher2011.settings import APART, COUNTS
-from faintrack.studies.stone2002.pictures import Panel, save
-from faintrack.studies.study import Results, Row, address, finished
+from faintrack.studies.kreucher2011.tracks import Tracks, before_and_after, tracks_of
+from faintrack.studies.panels import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Panel,
+    draw_rows,
+    finish,
+    mosaic,
+)
+from faintrack.studies.study import Results, address, finished
 from faintrack.targets.states import PlanarState
 
-TRUTH, GREY = "#000000", "#777777"
-"""Colours of what is true, and of what is fixed."""
+GREY = "#777777"
+"""Of what is fixed."""
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Of tracks by label, and of curves."""
 
 THRESHOLD = 0.9
 """Probability at which a detector hands over."""
+
+SMALL = {"fontsize": 7}
 
 
 def figures(results: Results, folder: Path) -> list[Path]:
@@ -37,10 +51,10 @@ def figures(results: Results, folder: Path) -> list[Path]:
     ):
         data = finished(results, setting)
         if data is not None:
-            drawn.append(save(folder, name, panels(data.isel(run=0)), columns))
-    found = [panel for part in (_levels, _crowds, _side_by_side) for panel in part(results)]
-    if found:
-        drawn.append(save(folder, "beyond", found, min(len(found), 3)))
+            drawn.append(mosaic(folder / f"{name}.png", panels(data.isel(run=0)), columns))
+    beyond = [panel for part in (_levels, _crowds, _side_by_side) for panel in part(results)]
+    if beyond:
+        drawn.append(mosaic(folder / "beyond.png", beyond, min(len(beyond), 3)))
     return drawn
 
 
@@ -49,26 +63,23 @@ def _four(data: xr.Dataset) -> list[Panel]:
     detection = data.detection.values[:, 0]
     handed = np.flatnonzero(_starts(data))
     moments = np.unique([handed[0], *(handed[:3] + 1), handed[-1] + 2])
-    panels: list[Panel] = []
-    for scan in moments:
-        panels.append((f"1: after scan {scan + 1}", None, functools.partial(_belief, data=data, scan=int(scan))))
 
     def statistic(axis: Axes) -> None:
-        number = np.arange(1, len(detection) + 1)
-        axis.plot(number, detection, color=COLOURS[0], linewidth=1.4)
+        axis.plot(np.arange(1, len(detection) + 1), detection, color=COLOURS[0], linewidth=1.4)
         axis.axhline(THRESHOLD, color=GREY, linestyle="--", linewidth=0.8)
         axis.plot(handed + 1, detection[handed], "v", color=COLOURS[1], label="handed over")
-        axis.set(xlabel="scan", ylabel="target-present probability", ylim=(0, 1.05))
-        axis.legend(fontsize=8, loc="lower right")
-        axis.grid(alpha=0.3)
+        finish(axis, {"loc": "lower right"}, xlabel="scan", ylabel="target-present probability", ylim=(0, 1.05))
 
-    return [*panels, ("2: detection statistic", None, statistic)]
+    return [
+        *((f"1: after scan {scan + 1}", {}, functools.partial(_belief, data=data, scan=int(scan))) for scan in moments),
+        ("2: detection statistic", {}, statistic),
+    ]
 
 
 def _starts(data: xr.Dataset) -> np.ndarray:
     """Whether a target was handed over, scan by scan."""
-    there = data.existence.values > 0
-    return np.append((there[1:] & ~there[:-1]).any(axis=1), False)
+    held = data.existence.values > 0
+    return np.append((held[1:] & ~held[:-1]).any(axis=1), False)
 
 
 def _belief(axis: Axes, data: xr.Dataset, scan: int) -> None:
@@ -135,20 +146,19 @@ def _synthetic(data: xr.Dataset) -> list[Panel]:
     def close(axis: Axes) -> None:
         _draw_truth(axis, tracks)
         _draw_tracks(axis, tracks)
-        axis.set(xlabel="east (m)", ylabel="north (m)", aspect="equal")
-        axis.grid(alpha=0.3)
+        finish(axis, xlabel="east (m)", ylabel="north (m)", aspect="equal")
 
     return [
-        ("3: region, detectors and arrays", None, functools.partial(region, tracked=False)),
-        ("5: estimates (every tenth) and truth (dashed)", None, close),
+        ("3: region, detectors and arrays", {}, functools.partial(region, tracked=False)),
+        ("5: estimates (every tenth) and truth (dashed)", {}, close),
         *(
-            (f"4: record of the array at {x} m", None, functools.partial(record, array=array, over=False))
+            (f"4: record of the array at {x} m", {}, functools.partial(record, array=array, over=False))
             for array, x in enumerate((0, 700))
         ),
-        ("6: estimates within the region", None, functools.partial(region, tracked=True)),
-        ("detection statistic of the 16 detectors", None, functools.partial(_statistics, data=data)),
+        ("6: estimates within the region", {}, functools.partial(region, tracked=True)),
+        ("detection statistic of the 16 detectors", {}, functools.partial(_statistics, data=data)),
         *(
-            (f"7: tracks on the record of the array at {x} m", None, functools.partial(record, array=array, over=True))
+            (f"7: tracks on the record of the array at {x} m", {}, functools.partial(record, array=array, over=True))
             for array, x in enumerate((0, 700))
         ),
     ]
@@ -158,8 +168,7 @@ def _statistics(axis: Axes, data: xr.Dataset) -> None:
     detection = data.detection.values
     axis.plot(np.arange(1, len(detection) + 1), detection, linewidth=0.8)
     axis.axhline(THRESHOLD, color=GREY, linestyle="--", linewidth=0.8)
-    axis.set(xlabel="scan (1 s)", ylabel="target-present probability", ylim=(0, 1.05))
-    axis.grid(alpha=0.3)
+    finish(axis, xlabel="scan (1 s)", ylabel="target-present probability", ylim=(0, 1.05))
 
 
 def _labelled(tracks: Tracks) -> list[tuple[int, np.ndarray, np.ndarray]]:
@@ -187,8 +196,8 @@ def _draw_region(axis: Axes) -> None:
 
 def _draw_truth(axis: Axes, tracks: Tracks) -> None:
     for target in tracks.true.transpose(1, 0, 2):
-        axis.plot(*target.T, "--", color=TRUTH, linewidth=0.8)
-        axis.plot(*target[0], ".", color=TRUTH, markersize=5)
+        axis.plot(*target.T, "--", color=BLACK, linewidth=0.8)
+        axis.plot(*target[0], ".", color=BLACK, markersize=5)
 
 
 def _draw_tracks(axis: Axes, tracks: Tracks) -> None:
@@ -199,75 +208,56 @@ def _draw_tracks(axis: Axes, tracks: Tracks) -> None:
 
 def _levels(results: Results) -> list[Panel]:
     """Targets with a track against the scan, and what comes of a close pass, for every level."""
-    declared = {level: finished(results, f"level_{level:g}") for level in scene.LEVELS}
-    first = {
-        level: np.array([each.first() for each in tracks_of(data)])
-        for level, data in declared.items()
-        if data is not None
-    }
+    ran = {level: finished(results, f"level_{level:g}") for level in scene.LEVELS}
+    first = {level: [run.first() for run in tracks_of(data)] for level, data in ran.items() if data is not None}
 
     def curves(axis: Axes) -> None:
-        for number, (level, scan) in enumerate(first.items()):
-            at = np.arange(1, runs.FROM)
-            share = (scan[..., None] <= at).mean(axis=(0, 1))
-            axis.plot(at, share, color=COLOURS[number], label=f"level {level:g}, {len(scan)} runs")
-        axis.set(xlabel="scan (1 s)", ylabel="share of targets with a track", xlim=(0, 60), ylim=(0, 1.02))
-        axis.legend(fontsize=7)
-        axis.grid(alpha=0.3)
+        at = np.arange(1, runs.FROM)
+        for (level, scans), colour in zip(first.items(), COLOURS, strict=False):
+            share = (np.array(scans)[..., None] <= at).mean(axis=(0, 1))
+            axis.plot(at, share, color=colour, label=f"level {level:g}, {len(scans)} runs")
+        finish(axis, SMALL, xlabel="scan (1 s)", ylabel="share of targets with a track", xlim=(0, 60), ylim=(0, 1.02))
 
     def passes(axis: Axes) -> None:
         for style, name, how in (("-o", "", "jointly"), ("--x", "_separate", "separately")):
-            there = [(level, finished(results, f"close_{level:g}{name}")) for level in scene.LEVELS]
-            shares = [(level, before_and_after(tracks_of(data), 1)) for level, data in there if data is not None]
-            for number, what in enumerate(("lost", "merged", "swapped")):
-                values = [each[what].mean() for _, each in shares]
-                label = f"{what}, {how}"
-                axis.plot([level for level, _ in shares], values, style, color=COLOURS[number], label=label, ms=4)
-        axis.set(xlabel="level of a target (noise std)", ylabel="share of close passes", ylim=(0, None))
-        axis.legend(fontsize=7)
-        axis.grid(alpha=0.3)
+            close = {level: finished(results, f"close_{level:g}{name}") for level in scene.LEVELS}
+            ends = {level: before_and_after(tracks_of(data), 1) for level, data in close.items() if data is not None}
+            for what, colour in zip(("lost", "merged", "swapped"), COLOURS, strict=False):
+                shares = [runs_so[what].mean() for runs_so in ends.values()]
+                axis.plot(list(ends), shares, style, color=colour, label=f"{what}, {how}", ms=4)
+        finish(axis, SMALL, xlabel="level of a target (noise std)", ylabel="share of close passes", ylim=(0, None))
 
-    panels: list[Panel] = [("declarations", None, curves)] if first else []
+    panels: list[Panel] = [("declarations", {}, curves)] if first else []
     if finished(results, f"close_{scene.LEVEL:g}") is not None:
-        panels.append(("close pass", None, passes))
+        panels.append(("close pass", {}, passes))
     return panels
 
 
 def _crowds(results: Results) -> list[Panel]:
     """Tracks of targets, and of none, against the number of targets."""
-    found = {count: finished(results, f"crowd_{count}") for count in COUNTS}
-    rows = {count: rows_of_crowd(count, data) for count, data in found.items() if data is not None}
+    ran = {count: finished(results, f"crowd_{count}") for count in COUNTS}
+    rows = {count: rows_of_crowd(count, data)[:2] for count, data in ran.items() if data is not None}
 
     def draw(axis: Axes) -> None:
         axis.plot([0, scene.CROWD], [0, scene.CROWD], color=GREY, linewidth=0.8, label="all")
-        for number, what in enumerate(("with a track", "tracks of none")):
-            _bars(axis, list(rows), [each[number] for each in rows.values()], COLOURS[number], what)
-        axis.set(xlabel="targets", ylabel=f"mean number at scan {scene.CROWD_SCANS}")
-        axis.legend(fontsize=7)
-        axis.grid(alpha=0.3)
+        for what, colour, of_counts in zip(
+            ("with a track", "tracks of none"), COLOURS, zip(*rows.values(), strict=True), strict=False
+        ):
+            draw_rows(axis, list(rows), of_counts, colour, what)
+        finish(axis, SMALL, xlabel="targets", ylabel=f"mean number at scan {scene.CROWD_SCANS}")
 
-    return [("number of targets", None, draw)] if rows else []
+    return [("number of targets", {}, draw)] if rows else []
 
 
 def _side_by_side(results: Results) -> list[Panel]:
     """Share of runs in which both of two targets side by side are found, or held."""
     rows = {beams: {row.key.split("_", 2)[2]: row for row in rows_of_pair(results, beams)} for beams in APART}
+    curves = {"found": "both found", "kept": "both held, jointly", "kept_separate": "both held, separately"}
 
     def draw(axis: Axes) -> None:
-        for number, (name, what) in enumerate(
-            (("found", "both found"), ("kept", "both held, jointly"), ("kept_separate", "both held, separately"))
-        ):
-            there = [beams for beams in APART if name in rows[beams]]
-            _bars(axis, there, [rows[beams][name] for beams in there], COLOURS[number], what)
-        axis.set(xlabel="beams apart", ylabel="share of runs", ylim=(0, 1.05))
-        axis.legend(fontsize=7)
-        axis.grid(alpha=0.3)
+        for (name, what), colour in zip(curves.items(), COLOURS, strict=False):
+            ran = {beams: of_pair[name] for beams, of_pair in rows.items() if name in of_pair}
+            draw_rows(axis, list(ran), list(ran.values()), colour, what)
+        finish(axis, SMALL, xlabel="beams apart", ylabel="share of runs", ylim=(0, 1.05))
 
-    return [("two targets side by side", None, draw)] if any(rows.values()) else []
-
-
-def _bars(axis: Axes, at: list[Any], rows: list[Row], colour: str, label: str) -> None:
-    """Values with their intervals."""
-    ours = np.array([row.ours for row in rows], float)
-    bounds = np.array([[np.nan if bound is None else bound for bound in row.interval] for row in rows], float)
-    axis.errorbar(at, ours, np.abs(bounds.T - ours), fmt="-o", color=colour, ms=4, lw=1.2, capsize=2, label=label)
+    return [("two targets side by side", {}, draw)] if any(rows.values()) else []
