@@ -125,11 +125,11 @@ def test_sources_are_drawn_from_the_model() -> None:
     sections = {
         "stations": [{"name": "ring", "line": False}],
         "energies": {"present": [3.5, 1.0]},
-        "simulation": {"scans": 400, "beam_deg": 6.0, "targets": [{"bearing_deg": 90.0}]},
+        "simulation": {"scans": 400, "beam_deg": 6.0, "sources": [{"bearing_deg": 90.0}]},
     }
     (record,) = ft.simulate(sections).records
     energy = record.read(0, 400)
     assert abs(energy[:, 15].mean() - 3.5) < 4 / np.sqrt(400)
     assert abs(np.delete(energy, 15, axis=1).mean()) < 4 / np.sqrt(400 * 59)
-    with pytest.raises(InputError, match=r"simulation.targets\[0\]: expected bearing_deg for an array by itself"):
+    with pytest.raises(InputError, match=r"simulation.targets are of a region, and there is none"):
         ft.simulate(sections, simulation={"targets": [{"x": 3.0, "y": 3.0}]})

@@ -65,10 +65,13 @@ def test_records_in_memory_that_are_not_the_stations() -> None:
     ("changes", "names"),
     [
         ({}, ("no [simulation]",)),
-        ({"simulation": {"scans": 9, "targets": [{"bearing_deg": 3.0}]}}, ("targets[0]", "x and y in a region")),
+        (
+            {"simulation": {"scans": 9, "sources": [{"bearing_deg": 3.0}]}},
+            ("simulation.sources", "targets in a region"),
+        ),
         (
             {"simulation": {"scans": 9, "targets": [{"x": 0.0, "y": 500.0, "start": 5.0, "end": 4.0}]}},
-            ("targets[0].end is 4 s", "more than start"),
+            ("simulation.targets[0]", "end is 4 s: expected more than start, 5 s"),
         ),
         (
             {

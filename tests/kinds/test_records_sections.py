@@ -193,8 +193,7 @@ STATION = {"name": "a", "x": 0.0, "y": 0.0, "heading_deg": 0.0}
         ({"tracker": {"declare": 0.5}}, "there is no field tracker"),
         ({"filter": {"particles": 64}}, "there is no field filter.particles"),
         ({"target": {"speed": 3.0}}, "there is no field target.speed"),
-        ({"simulation": {"scans": 9, "targets": [{"x": 3.0}]}}, "expected either x and y or bearing_deg"),
-        ({"simulation": {"scans": 9, "targets": [{"x": 3.0, "y": 3.0, "bearing_deg": 3.0}]}}, "either x and y or"),
+        ({"simulation": {"scans": 9, "targets": [{"x": 3.0}]}}, "simulation.targets[0].y is missing"),
     ],
 )
 def test_scenarios_that_are_wrong(changes: dict[str, Any], expected: str) -> None:

@@ -24,7 +24,7 @@ from typing import Annotated, Any
 from xml.etree import ElementTree
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PlainValidator, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, model_validator
 
 from faintrack.errors import InputError
 from faintrack.scenario.section import FilePath, Section, read_toml, validated
@@ -136,7 +136,7 @@ def read_description(path: str | Path) -> ArrayDescription:
     return validated(ArrayDescription, content, path, path.parent)
 
 
-def _described(value: Any, info: ValidationInfo) -> Any:
+def _described(value: Any, info: Any) -> Any:
     """What stands for an array: an array itself, or the name of its file."""
     if isinstance(value, SensorArray):
         return describe(value)

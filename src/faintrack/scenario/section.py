@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args
 
 import numpy as np
 import tomli_w
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from faintrack.errors import InputError
 
@@ -48,7 +48,7 @@ def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def _located(value: str, info: ValidationInfo) -> str:
+def _located(value: str, info: Any) -> str:
     folder = (info.context or {}).get("folder")
     return value if folder is None else str((Path(folder) / value).resolve())
 

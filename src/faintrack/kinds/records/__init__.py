@@ -74,6 +74,7 @@ KIND = Kind(
     write=_write,
     plan=room("faintrack.kinds.records.plan", "plan"),
     simulate=room("faintrack.kinds.records.simulate", "simulate"),
+    targets=room("faintrack.kinds.records.simulate", "targets"),
     silence=room("faintrack.kinds.records.simulate", "silence"),
     describe=_describe,
     about=room("faintrack.kinds.records.report", "about"),

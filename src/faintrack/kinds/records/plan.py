@@ -4,6 +4,7 @@ A recording becomes a record first (`faintrack.kinds.records.together`), whose r
 for.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -22,6 +23,7 @@ from faintrack.kinds.records.build import (
     build_fans,
     build_placed,
     build_plane,
+    build_region,
     build_several,
     particles_of,
     velocity_noise,
@@ -32,7 +34,7 @@ from faintrack.kinds.records.sections import RecordsScenario
 from faintrack.kinds.records.together import arrays_of, paths_of, put_together, require_one_each
 from faintrack.scenario.array import describe
 from faintrack.sensors.array import SensorArray
-from faintrack.sensors.stations import EnergyScan, Stations
+from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.signal.energies import standardised
 from faintrack.trackers.several import SeveralEstimate, SeveralTargetsTracker, Watching
 
@@ -41,6 +43,9 @@ BLOCK_SCANS = 32
 
 LARGEST_ENERGY = 1e15
 """Squares of energies are formed in single precision."""
+
+WITHIN_CELLS, WITHIN_BEAMS = 3.0, 2.0
+"""How near a track must be to a known target to be one of it: cells of a detector, or beams of an array by itself."""
 
 Energies = Float[Array, "*scan array beam"]
 
@@ -109,7 +114,16 @@ def plan(data: Records, scenario: RecordsScenario) -> Plan:
         size=BLOCK_SCANS,
         seed=scenario.filter.seed,
         plane=plane,
+        within=_within(scenario, fans),
+        limits=None if scenario.region is None else dict(zip("xy", build_region(scenario, plane), strict=True)),
     )
+
+
+def _within(scenario: RecordsScenario, fans: Fans) -> float:
+    """How near a track must be to a known target to be one of it."""
+    if scenario.region is None:
+        return WITHIN_BEAMS * math.degrees(fans.step[0])
+    return WITHIN_CELLS * scenario.region.cell
 
 
 def _chosen(scenario: RecordsScenario, data: Records, arrays: Mapping[str, SensorArray]) -> RecordsScenario:

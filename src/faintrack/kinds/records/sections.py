@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from faintrack.kinds.recording.sections import AnalysisSection
 from faintrack.kinds.scenario import Scenario
 from faintrack.scenario.array import ArraySection
+from faintrack.scenario.moving import PlanarTargets
 from faintrack.scenario.section import FilePath, Pair, Section
 from faintrack.scenario.sections import SeedSection, TargetSection, TrackerSection
 
@@ -217,31 +218,25 @@ class HeardTargetSection(TargetSection):
     bearing_rate_noise_deg: float = Field(default=0.05, ge=0)
 
 
-class SimulatedTargetSection(Section):
-    """A target that moves evenly and is heard from `start` to `end`.
+class SourceSection(Section):
+    """A source that an array by itself hears, which turns evenly, from `start` to `end`.
 
     Attributes
     ----------
-    x, y : in a region: where it is at `start`, east and north; metres, of a region in degrees from its middle.
-    vx, vy : its velocity east and north; m/s.
-    bearing_deg : of an array by itself: where it is heard at `start`; degrees, as the array counts.
+    bearing_deg : at `start`; degrees, as the array counts.
     bearing_rate_deg : degrees a second.
     start, end : seconds from the first scan; to the last where not given.
     """
 
-    x: float | None = None
-    y: float | None = None
-    vx: float = 0.0
-    vy: float = 0.0
-    bearing_deg: float | None = None
+    bearing_deg: float
     bearing_rate_deg: float = 0.0
     start: float = Field(default=0.0, ge=0)
     end: float | None = None
 
     @model_validator(mode="after")
-    def _somewhere(self) -> "SimulatedTargetSection":
-        if (self.x is None) != (self.y is None) or (self.x is None) == (self.bearing_deg is None):
-            raise ValueError("expected either x and y or bearing_deg")
+    def _lasts(self) -> "SourceSection":
+        if self.end is not None and not self.end > self.start:
+            raise ValueError(f"end is {self.end:g} s: expected more than start, {self.start:g} s")
         return self
 
 
@@ -254,14 +249,16 @@ class SimulationSection(Section):
     interval : between scans; s.
     beam_deg : from beam to beam, over 0 to 180 degrees from the axis of a line and the full circle of others.
     seed : of the random numbers.
-    targets : what is heard.
+    targets : what is heard in a region; places of one in degrees are from its middle.
+    sources : what an array by itself hears.
     """
 
     scans: int = Field(ge=2, le=1_000_000, examples=[300])
     interval: float = Field(default=1.0, gt=0)
     beam_deg: float = Field(default=1.0, ge=0.01, le=90)
     seed: int = Field(default=0, ge=0, lt=2**32)
-    targets: Annotated[tuple[SimulatedTargetSection, ...], Field(strict=False)] = ()
+    targets: PlanarTargets = ()
+    sources: Annotated[tuple[SourceSection, ...], Field(strict=False)] = ()
 
 
 class RecordsScenario(Scenario):
@@ -315,6 +312,17 @@ class RecordsScenario(Scenario):
         given = alone.placed + (["heading_deg"] if alone.heading_deg is not None else [])
         if given:
             raise ValueError(f"{alone.name} has {given[0]} and there is no [region]: expected both or neither")
+        return self
+
+    @model_validator(mode="after")
+    def _simulation_is_of_the_region(self) -> "RecordsScenario":
+        if self.simulation is not None:
+            if self.region is None and self.simulation.targets:
+                raise ValueError("simulation.targets are of a region, and there is none: expected simulation.sources")
+            if self.region is not None and self.simulation.sources:
+                raise ValueError(
+                    "simulation.sources are of an array by itself: expected simulation.targets in a region"
+                )
         return self
 
 

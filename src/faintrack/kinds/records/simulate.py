@@ -2,22 +2,25 @@
 
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Float
 
 from faintrack.beliefs.axis import Axis
 from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
 from faintrack.kinds.records.build import build_fans, build_likelihood, build_placed, build_plane
 from faintrack.kinds.records.data import Records
-from faintrack.kinds.records.sections import RecordsScenario, SimulatedTargetSection, SimulationSection, parse_utc
+from faintrack.kinds.records.sections import RecordsScenario, SimulationSection, SourceSection, parse_utc
 from faintrack.kinds.records.together import paths_of, put_together
+from faintrack.results.truth import Known, Places
+from faintrack.scenario.moving import PlanarTargetSection, states_of
 from faintrack.simulation.energies import draw_energies
-from faintrack.targets.states import BearingState, PlanarState
+from faintrack.targets.states import BearingState
 
 BLOCK_SCANS = 1024
 """Scans drawn at once."""
@@ -28,16 +31,36 @@ def simulate(scenario: RecordsScenario) -> Records:
 
     Raises
     ------
-    InputError : the scenario has no simulation, targets without a place in its region, or stations that no record is
-        drawn of.
+    InputError : the scenario has no simulation, or stations that no record is drawn of.
     """
-    table = _simulation(scenario)
-    return _drawn(scenario, table, table.targets, table.seed)
+    return _drawn(scenario, _simulation(scenario))
 
 
 def silence(scenario: RecordsScenario, seed: int) -> Records:
     """The same without a target."""
-    return _drawn(scenario, _simulation(scenario), (), seed)
+    return _drawn(scenario, _simulation(scenario).model_copy(update={"targets": (), "sources": (), "seed": seed}))
+
+
+def targets(scenario: RecordsScenario) -> list[Known]:
+    """Targets of a simulation, as results tell their places."""
+    table = _simulation(scenario)
+    if scenario.region is None:
+        line = scenario.stations[0].is_line
+        return [Known(f"source {n}", partial(_heard_at, source, line)) for n, source in enumerate(table.sources, 1)]
+    return [Known(f"target {n}", partial(_place_at, target)) for n, target in enumerate(table.targets, 1)]
+
+
+def _heard_at(source: SourceSection, line: bool, times: np.ndarray) -> Places:
+    """Bearing of a source as results tell it."""
+    bearing = (_bearing(source, times) + 180) % 360 - 180
+    # A line hears a wave as from its mirror image.
+    return {"bearing": np.abs(bearing) if line else bearing}
+
+
+def _place_at(target: PlanarTargetSection, times: np.ndarray) -> Places:
+    """Place of a target; not a number where it is not there."""
+    states, there = states_of((target,), times)
+    return {name: np.where(there[:, 0], np.asarray(getattr(states, name))[:, 0], np.nan) for name in ("x", "y")}
 
 
 def _simulation(scenario: RecordsScenario) -> SimulationSection:
@@ -52,9 +75,7 @@ def _simulation(scenario: RecordsScenario) -> SimulationSection:
     return scenario.simulation
 
 
-def _drawn(
-    scenario: RecordsScenario, table: SimulationSection, targets: tuple[SimulatedTargetSection, ...], seed: int
-) -> Records:
+def _drawn(scenario: RecordsScenario, table: SimulationSection) -> Records:
     times = table.interval * np.arange(table.scans)
     # Not drawn yet: arrays are placed by the times alone.
     blank = Records(tuple(_record(scenario, number, times, None) for number in range(len(scenario.stations))))
@@ -66,10 +87,10 @@ def _drawn(
     def blocks() -> Iterator[np.ndarray]:
         for number, first in enumerate(range(0, table.scans, BLOCK_SCANS)):
             part = slice(first, min(first + BLOCK_SCANS, table.scans))
-            states, present = _states(scenario, targets, times[part])
-            key = jax.random.fold_in(jax.random.key(seed), number)
+            states, present = _states(scenario, table, times[part])
+            key = jax.random.fold_in(jax.random.key(table.seed), number)
             moments = jnp.asarray(times[part], jnp.float32)
-            drawn = draw_energies(key, likelihood, moments, placed.stations(part), states, present)
+            drawn = draw_energies(key, likelihood, moments, placed.stations(part), states, jnp.asarray(present))
             yield np.asarray(drawn.energy, np.float32)
 
     energy = np.concatenate(list(blocks()))
@@ -100,34 +121,17 @@ def _record(scenario: RecordsScenario, number: int, times: np.ndarray, energy: n
     )
 
 
-def _states(
-    scenario: RecordsScenario, targets: tuple[SimulatedTargetSection, ...], times: np.ndarray
-) -> tuple[Any, Bool[Array, "scan target"]]:
-    """States of the targets in some scans, and when they are there."""
-    place = "bearing_deg" if scenario.region is None else "x"
-    for number, target in enumerate(targets):
-        if getattr(target, place) is None:
-            expected = "bearing_deg for an array by itself" if place == "bearing_deg" else "x and y in a region"
-            raise InputError(f"simulation.targets[{number}]: expected {expected}.")
-        if target.end is not None and not target.end > target.start:
-            raise InputError(
-                f"simulation.targets[{number}].end is {target.end:g} s; expected more than start, {target.start:g} s."
-            )
+def _states(scenario: RecordsScenario, table: SimulationSection, times: np.ndarray) -> tuple[Any, Any]:
+    """States of the targets in some scans, components of shape (scan, target), and whether they are there."""
+    if scenario.region is not None:
+        return states_of(table.targets, times)
+    bearing = np.array([_bearing(source, times) for source in table.sources]).reshape(-1, len(times)).T
+    still = jnp.zeros(bearing.shape)
+    return BearingState(jnp.radians(jnp.nan_to_num(jnp.asarray(bearing))), still, still), np.isfinite(bearing)
 
-    def column(name: str) -> Float[np.ndarray, " target"]:
-        return np.array([getattr(target, name) for target in targets], float)
 
-    start = column("start")
-    end = np.array([math.inf if target.end is None else target.end for target in targets], float)
-    since = times[:, None] - start
-    present = jnp.asarray((since >= 0) & (times[:, None] < end))
-
-    def moving(name: str, rate: str) -> list[Any]:
-        fields = column(name) + since * column(rate), np.broadcast_to(column(rate), since.shape)
-        return [jnp.asarray(values, jnp.float32) for values in fields]
-
-    if scenario.region is None:
-        bearing, rate = (jnp.radians(values) for values in moving("bearing_deg", "bearing_rate_deg"))
-        return BearingState(bearing, rate, jnp.zeros_like(rate)), present
-    (x, vx), (y, vy) = moving("x", "vx"), moving("y", "vy")
-    return PlanarState(x, y, vx, vy), present
+def _bearing(source: SourceSection, times: np.ndarray) -> Float[np.ndarray, " scan"]:
+    """Bearing of a source, degrees; not a number where it is not heard."""
+    end = math.inf if source.end is None else source.end
+    bearing = source.bearing_deg + source.bearing_rate_deg * (times - source.start)
+    return np.where((times >= source.start) & (times < end), bearing, np.nan)
