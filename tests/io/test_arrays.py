@@ -9,7 +9,7 @@ import pytest
 from faintrack.data.recording import from_samples
 from faintrack.errors import InputError
 from faintrack.io import read, read_array
-from faintrack.io.arrays import array_toml, match_channels
+from faintrack.io.arrays import array_toml, match_channels, matched
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 
 DATA = Path(__file__).parents[2].parent / "shared/data"
@@ -132,3 +132,47 @@ def test_channels_without_common_names_follow_by_number():
 def test_numbers_of_channels_must_agree():
     with pytest.raises(InputError, match=r"^rec\.wav has 4 channels; the array has 32\.$"):
         match_channels(line_array(32, 0.375), recording("0", "1", "2", "3"))
+
+
+NAMES = ("BRP1", "BRP2", "BRP3", "BRP4")
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        (str, None),
+        (str.lower, "their names without regard to case and blanks"),
+        (lambda name: f"{name} ", "their names without regard to case and blanks"),
+        (lambda name: f"{name}.EDF", "their station codes"),
+        (lambda name: f"YJ.{name}.00.EDF", "their station codes"),
+    ],
+)
+def test_names_match_by_a_rule_that_is_told(tmp_path, change, rule):
+    array = array_from(tmp_path, CHANNELS)
+    turned, remarks = matched(array, recording(*(change(name) for name in reversed(NAMES))))
+    np.testing.assert_array_equal(turned.positions, array.positions[::-1])
+    np.testing.assert_array_equal(turned.gains, array.gains[::-1])
+    expected = () if rule is None else (f"Channels of the array and the recording match by {rule}.",)
+    assert remarks == expected
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("BRP1", "BRP2A", "BRP3", "BRP4"),
+        ("BRP4", "BRP3", "BRP2", "X"),
+        ("brp1", "BRP1", "BRP3", "BRP4"),
+        ("BRP1.BHE", "BRP1.BHN", "BRP2.BHE", "BRP2.BHN"),
+        ("w", "x", "y", "z"),
+    ],
+)
+def test_names_that_do_not_match_are_refused_with_both_lists(tmp_path, names):
+    with pytest.raises(InputError) as raised:
+        matched(array_from(tmp_path, CHANNELS), recording(*names))
+    assert ", ".join(names) in str(raised.value)
+    assert "BRP1, BRP2, BRP3, BRP4; expected the same names." in str(raised.value)
+
+
+def test_numbers_are_no_names(tmp_path):
+    array = array_from(tmp_path, CHANNELS)
+    assert matched(array, recording("0", "1", "2", "3")) == (array, ())

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from faintrack.kinds import KINDS
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object for programs.")]
 Files = Annotated[list[Path], typer.Argument(help="Files of one kind of data, or a folder of images.")]
 KindName = Annotated[str | None, typer.Option("--kind", help="Kind of data, where files and scenario do not tell.")]
@@ -116,6 +118,7 @@ def info(
     files: Files,
     scenario: ScenarioFile = None,
     kind: KindName = None,
+    array: ArrayFile = None,
     settings: Settings = None,
     as_json: Json = False,
 ) -> None:
@@ -126,17 +129,15 @@ def info(
     from faintrack import info as tell
     from faintrack.cli.options import sections_of
 
-    about = tell(*files, scenario=scenario, **sections_of(settings, kind))
+    about = tell(*files, scenario=scenario, **sections_of(settings, kind, array))
     print(json.dumps(about.as_dict()) if as_json else about)
 
 
 def init(
-    kind: Annotated[str, typer.Argument(help="Kind of data; faintrack init --help lists them.")],
+    kind: Annotated[str, typer.Argument(help=f"Kind of data: {', '.join(KINDS)}.")],
     out: Annotated[Path | None, typer.Option(help="File to write; printed where not given.")] = None,
 ) -> None:
     """Write a scenario of a kind of data with every field, its default and what it means.
-
-    Kinds: recording, frames, returns, bearings, records, and those in faintrack.kinds.KINDS.
 
     Example: [bold]faintrack init frames --out scenario.toml[/bold]
     """

@@ -325,7 +325,15 @@ def _look(
     given = np.ma.getdata(samples)
     double = given.dtype.kind == "f" and given.dtype.itemsize == 8
     # Whole numbers beyond 24 bits are compared before they are rounded.
-    values = given.astype(np.float64 if double or given.dtype.kind in "iu" else np.float32)
+    values = given.astype(np.float64 if double or given.dtype.kind in "iu" else np.float32, copy=False)
+    fills = {float(kind(fill)) for fill in (*FILL_VALUES, *fill_values) for kind in (np.float32, np.float64)}
+    scale = level(samples) if scale is None else scale
+    most = min(LARGEST * scale, float(np.finfo(values.dtype).max))
+    # Nearly every block is like this, and three passes tell: then nothing is copied.
+    if values.size and not np.ma.isMaskedArray(samples):
+        largest = max(float(values.max()), -float(values.min()))
+        if largest < min(most, *map(abs, fills)) and not _runs_matter(values, largest, axes, constant_run):
+            return values.astype(np.float64 if double else np.float32, copy=False), {}, np.zeros(values.shape, bool)
     clean = values.astype(np.float64 if double else np.float32)
     left = np.ones(values.shape, bool)
     reasons: dict[str, np.ndarray] = {}
@@ -342,17 +350,13 @@ def _look(
     if mask is not None:
         leave_out("masked", mask)
     leave_out("not finite", ~np.isfinite(values))
-    fills = {kind(fill) for fill in (*FILL_VALUES, *fill_values) for kind in (np.float32, np.float64)}
-    leave_out("fill value", np.isin(values, [float(fill) for fill in fills]))
-    lengths = np.max([run_lengths(values, axis) for axis in axes], axis=0) if values.size else np.zeros(values.shape)
+    leave_out("fill value", np.isin(values, list(fills)))
+    lengths = _runs(values, axes)
     repeated = lengths >= SENTINEL_RUN
     if repeated.any():
         leave_out("sentinel", repeated & np.isin(values, [*SENTINELS, 2147483648.0]))  # 2^31 - 1 in single precision
-    scale = level(clean) if scale is None else scale
     # Of numbers only: what is missing was looked at.
-    leave_out(
-        "too large", np.abs(np.where(left, values, 0.0)) > min(LARGEST * scale, float(np.finfo(values.dtype).max))
-    )
+    leave_out("too large", np.abs(np.where(left, values, 0.0)) > most)
     if constant_run is not None:
         leave_out("constant", lengths >= constant_run)
     clipped = (lengths >= CLIPPED_RUN) & left
@@ -363,6 +367,36 @@ def _look(
             # The lower end of a converter is one step further away than the upper.
             clipped &= np.abs(values) >= extreme * (1 - 2.0**-7)
     return clean, reasons, clipped
+
+
+def _runs_matter(values: np.ndarray, largest: float, axes: tuple[int, ...], constant_run: int | None) -> bool:
+    """Whether runs of equal values are to be looked at: there are some, and they may be marks or a full scale."""
+    if constant_run is None:
+        full = bool(np.isin(np.float32(largest), np.asarray(FULL_SCALE, np.float32)))
+        marks = largest >= min(map(abs, SENTINELS)) and bool(np.isin(values, [*SENTINELS, 2147483648.0]).any())
+        if not (full or marks):
+            return False
+    return any(_has_runs(values, axis).any() for axis in axes)
+
+
+def _has_runs(values: np.ndarray, axis: int) -> Bool[np.ndarray, "..."]:
+    """Which columns along an axis hold three equal values on end."""
+    moved = np.moveaxis(values, axis, 0)
+    if len(moved) < CLIPPED_RUN:
+        return np.zeros(moved.shape[1:], bool)
+    equal = moved[1:] == moved[:-1]
+    return (equal[1:] & equal[:-1]).any(axis=0)
+
+
+def _runs(values: np.ndarray, axes: tuple[int, ...]) -> Int[np.ndarray, "..."]:
+    """Longest run of equal values along any of the axes that every value belongs to; 0 in columns without one."""
+    lengths = np.zeros(values.shape, np.int32)
+    for axis in axes:
+        columns = _has_runs(values, axis)
+        moved, into = np.moveaxis(values, axis, 0), np.moveaxis(lengths, axis, 0)
+        if columns.any():
+            into[:, columns] = np.maximum(into[:, columns], run_lengths(moved[:, columns], 0))
+    return lengths
 
 
 def _report(reasons: Mapping[str, np.ndarray], clipped: np.ndarray, by_channel: bool) -> Missing:

@@ -3,6 +3,7 @@
 `faintrack.scenario.array` shows the layout of the TOML file and says what an Acoular XML file lacks.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,14 +49,11 @@ def array_toml(array: SensorArray) -> str:
 
 
 def match_channels(array: SensorArray, recording: Recording) -> SensorArray:
-    """Array with its channels in the order of a recording's.
-
-    Where the recording names the same channels in another order, the array follows the names; otherwise its
-    channels belong to the recording's by number.
+    """Array with its channels in the order of a recording's, see `matched`.
 
     Raises
     ------
-    InputError : the numbers of channels differ.
+    InputError : the numbers of channels differ, or names do not match.
 
     Examples
     --------
@@ -67,15 +65,71 @@ def match_channels(array: SensorArray, recording: Recording) -> SensorArray:
     >>> turned.channel_names, turned.positions[:, 1].tolist()
     (('north', 'south'), [1.0, -1.0])
     """
-    names = array.channel_names
+    return matched(array, recording)[0]
+
+
+def matched(array: SensorArray, recording: Recording) -> tuple[SensorArray, tuple[str, ...]]:
+    """Array with its channels in the order of a recording's, and by which rule, where that is not plain.
+
+    Names match whole; otherwise without regard to case and blanks; otherwise by what both have of a station's codes:
+    `BRP1` is `YJ.BRP1..EDF`, as long as no two channels share it. Channels belong to each other by their number only
+    where one side has no names but numbers.
+
+    Parameters
+    ----------
+    array : as described.
+    recording : as read.
+
+    Raises
+    ------
+    InputError : the numbers of channels differ, or names do not match; the sentence has both lists.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from faintrack.data.recording import from_samples
+    >>> from faintrack.sensors.array import sensor_array
+    >>> array = sensor_array(np.array([[0, 0], [0, 2]]), channel_names=("a1", "A2 "))
+    >>> matched(array, from_samples(np.zeros((9, 2)), 100.0, ("A2", "A1")))[1]
+    ('Channels of the array and the recording match by their names without regard to case and blanks.',)
+    """
+    names, own = array.channel_names, recording.channel_names
     if recording.channels != len(names):
         raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(names)}.")
-    if len(set(names)) < len(names) or set(names) != set(recording.channel_names):
-        return array
-    order = [names.index(name) for name in recording.channel_names]
-    return replace(
-        array,
-        positions=array.positions[order],
-        gains=array.gains[order],
-        channel_names=recording.channel_names,
+    for rule, key in _RULES:
+        keys, wanted = [key(name) for name in names], [key(name) for name in own]
+        # Rules may be met by one name in several ways: `A.BHE` is not `A`, where there is `A.BHN`.
+        if len(set(keys)) == len(keys) and set(keys) == set(wanted):
+            order = [keys.index(each) for each in wanted]
+            said = (f"Channels of the array and the recording match by {rule}.",) if rule else ()
+            return _in_order(array, order, own), said
+    if all(name.isdecimal() for name in names) or all(name.isdecimal() for name in own):
+        return array, ()
+    raise InputError(
+        f"{recording.source} has the channels {_shown(own)}, the array {_shown(names)}; expected the same names."
     )
+
+
+def _station(name: str) -> str:
+    """The station of "network.station.location.channel", of "station.channel", or of "station"."""
+    codes = name.strip().casefold().split(".")
+    return codes[1] if len(codes) == 4 else codes[0]
+
+
+_RULES: tuple[tuple[str, Callable[[str], str]], ...] = (
+    ("", str),
+    ("their names without regard to case and blanks", lambda name: name.strip().casefold()),
+    ("their station codes", _station),
+)
+
+
+def _in_order(array: SensorArray, order: list[int], names: tuple[str, ...]) -> SensorArray:
+    if order == list(range(len(order))) and names == array.channel_names:
+        return array
+    return replace(array, positions=array.positions[order], gains=array.gains[order], channel_names=names)
+
+
+def _shown(names: tuple[str, ...]) -> str:
+    """Names as a list that a sentence has room for."""
+    shown = ", ".join(names[:8])
+    return f"{shown[:80]}{', ...' if len(names) > 8 or len(shown) > 80 else ''}"

@@ -101,6 +101,7 @@ def track(
     out: str | Path | None = None,
     truth: Any = None,
     progress: Progress = lambda scans, total: None,
+    tell: Callable[[str], None] = lambda sentence: None,
     pictures: bool = True,
     **sections: Any,
 ) -> Result:
@@ -113,6 +114,7 @@ def track(
     out : folder that data, tables, scenario and report are kept in; see `faintrack.results.folder`.
     truth : where targets really were, to lay beside the tracks: a path, see `faintrack.kinds.truth`.
     progress : is called while the run goes on.
+    tell : is called before the run with each sentence of what was assumed, or cannot be told with this set-up.
     pictures : whether what only pictures read is kept where there is no `out`.
     sections : of the scenario, in place of its own fields: `analysis={"band": [100, 1500]}`, `array="array.toml"`.
 
@@ -134,19 +136,20 @@ def track(
     kind, data, what_to_run = opened(what, scenario, sections)
     start = clock.perf_counter()
     plan = kind.plan(data, what_to_run)
+    for check in (*getattr(data, "remarks", ()), *plan.checks):
+        tell(check)
     blocks = _counted(datasets(plan), plan, progress)
     if truth is not None:
         from faintrack.kinds.truth import laid_beside
 
         blocks = laid_beside(blocks, truth, plan)
-    remarks = tuple(getattr(data, "remarks", ()))
     if out is None:
         held = [block if pictures else block.drop_vars(PICTURES, errors="ignore") for block in blocks]
-        return Result(joined(held), plan.scenario, kind, clock.perf_counter() - start, remarks)
+        return Result(joined(held), plan.scenario, kind, clock.perf_counter() - start, _remarks(data, plan))
     with result_folder(out) as folder:
         write_blocks(folder, blocks)
         seconds = clock.perf_counter() - start
-        result = Result(open_blocks(folder), plan.scenario, kind, seconds, remarks)
+        result = Result(open_blocks(folder), plan.scenario, kind, seconds, _remarks(data, plan))
         write_rest(folder, result)
     return _reported(read_result(out), Path(out) / "report.html")
 
@@ -392,6 +395,11 @@ def _paths(what: Any) -> tuple[Path, ...]:
         if not path.exists():
             raise InputError(f"{path} does not exist.")
     return paths
+
+
+def _remarks(data: Any, plan: Plan) -> tuple[str, ...]:
+    """What a user must know of data and of how they were taken in; each sentence once."""
+    return tuple(dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks())))
 
 
 def _reported(result: Result, file: Path) -> Result:

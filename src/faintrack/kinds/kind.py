@@ -50,6 +50,8 @@ class Plan:
     none.
     within : how near a track must be to a known target to be one of it, in the unit of the place.
     limits : ends of each component of the place between which known targets count; everywhere where None.
+    checks : what the set-up cannot tell or does not fit, known before the run; one sentence each.
+    remarks : gives, at the end, what was left out, assumed or does not fit; one sentence each.
     close : function of the last state to what is known at the end, without a time axis; None where there is nothing.
     """
 
@@ -64,6 +66,8 @@ class Plan:
     plane: Plane | None = None
     within: float = math.inf
     limits: dict[str, tuple[float, float]] | None = None
+    checks: tuple[str, ...] = ()
+    remarks: Callable[[], tuple[str, ...]] = tuple
     close: Callable[[Any], xr.Dataset] | None = None
 
 

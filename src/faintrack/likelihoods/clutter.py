@@ -93,8 +93,9 @@ class ClutterLikelihood(eqx.Module):
     measure: Callable = eqx.field(static=True, default=to_clutter)
 
     def table(self, scan: ClutterScan) -> Float[Array, "*cells"]:
-        """Log ratio of a target in every cell."""
-        return lomax(scan.values, scan.level, self.measure(scan.level, self.target))
+        """Log ratio of a target in every cell; 0 where the value is missing, which is not a number."""
+        ratio = lomax(scan.values, scan.level, self.measure(scan.level, self.target))
+        return jnp.where(jnp.isnan(scan.values), 0, ratio)
 
     @eqx.filter_jit
     def log_ratio(self, scan: ClutterScan, states: object) -> Float[Array, "..."]:

@@ -13,6 +13,8 @@ and axis, 0 to pi. Any other geometry measures the full circle: bearing in the p
 from north, -pi to pi. A three-dimensional array is steered horizontally as well.
 """
 
+import dataclasses
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -143,6 +145,35 @@ def sensor_array(
     off_axis = positions - np.outer(positions @ axis, axis)
     on_line = np.abs(off_axis[gains != 0]).max() < 1e-6 * scale
     return SensorArray(positions, float(sound_speed), gains, axis if on_line else None, names)
+
+
+def straightened(array: SensorArray, tolerance: float) -> tuple[SensorArray, float]:
+    """Line array where all channels in use lie within a tolerance of a line, otherwise the array itself.
+
+    Parameters
+    ----------
+    array : of any shape.
+    tolerance : metres.
+
+    Returns
+    -------
+    The array, and the largest distance of a channel in use from the line through them.
+
+    Examples
+    --------
+    >>> bent = sensor_array(np.array([[0.0, 0.0], [1.0, 0.001], [2.0, 0.0]]))
+    >>> line, off = straightened(bent, 0.01)
+    >>> line.circular, round(off, 6), straightened(bent, 1e-5)[0] is bent
+    (False, 0.000667, True)
+    """
+    if array.axis is not None:
+        return array, 0.0
+    used = array.positions[array.alive]
+    # The direction of least squares, from the first channel to the last.
+    axis = np.linalg.svd(used - used.mean(axis=0))[2][0]
+    axis = axis if axis @ (used[-1] - used[0]) >= 0 else -axis
+    off = float(np.linalg.norm(used - np.outer(used @ axis, axis), axis=1).max())
+    return (array if off > tolerance else dataclasses.replace(array, axis=axis)), off
 
 
 def line_array(count: int, spacing: float, sound_speed: float = 1500.0, heading: float = 0.0) -> SensorArray:

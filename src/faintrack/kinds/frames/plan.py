@@ -12,10 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, PRNGKeyArray
 
 from faintrack.data.sequence import Sequence
-from faintrack.errors import InputError, naming
+from faintrack.errors import naming
+from faintrack.kinds.clean import CleanFrames
 from faintrack.kinds.frames.build import (
     build_background,
     build_tracker,
@@ -42,10 +43,13 @@ LONGEST_BLOCK = 32
 NEAR_CELLS = 3.0
 """Cells from a known target within which a track is one of it."""
 
-LARGEST_VALUE = 1e15
-"""Of a frame: squares of many values are added up in single precision."""
+NEGATIVE = "values below 0; expected power or envelope"
+"""What is wrong with frames of power that hold such."""
 
 SURFACE = "log of the target likelihood ratio"
+
+
+Frames = tuple[Array, Array, Array, Array]
 
 
 class FramesStep(eqx.Module):
@@ -61,18 +65,20 @@ class FramesStep(eqx.Module):
     tracker: SingleTargetTracker
     cells: Cells = eqx.field(static=True)
 
-    def scans(self, block: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        """Time, frame, and place among the snapshots, of some frames."""
+    def scans(self, block: Frames) -> Frames:
+        """Time, frame, which cells are missing, and place among the snapshots, of some frames."""
         return block
 
     def advance(
-        self, state: tuple[Any, Following, Array], scan: tuple[Array, Array, Array], key: PRNGKeyArray
+        self, state: tuple[Any, Following, Array], scan: Frames, key: PRNGKeyArray
     ) -> tuple[tuple[Any, Following, Array], Any]:
         """Memory, tracker and snapshots of the surface; the estimate and, of profiles, the rows of the pictures."""
         memory, following, surfaces = state
-        time, frame, slot = scan
-        memory, scan, relative = self.background.step(memory, time, frame)
-        following, estimate = self.tracker.step(following, scan, key)
+        time, frame, missing, slot = scan
+        memory, cells, relative = self.background.step(memory, time, frame)
+        # Of a value that is not a number a likelihood says nothing.
+        cells = eqx.tree_at(lambda cells: cells.values, cells, jnp.where(missing, jnp.nan, cells.values))
+        following, estimate = self.tracker.step(following, cells, key)
         if len(self.cells.axes) == 1:
             rows = {"record": relative, "surface": cell_surface(following.belief, self.cells)}
             return (memory, following, surfaces), (estimate, rows)
@@ -99,16 +105,16 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
     cells, images = Cells(sequence.axes), len(sequence.axes) > 1
     snapshots = snapshots_of(sequence.length if images else 0)
     power = holds_power(scenario, sequence)
-    first = jnp.asarray(_checked(sequence.read(0, 1), 0, power, sequence.source)[0])
+    first = jnp.asarray(CleanFrames(sequence, power, NEGATIVE).read(0, 1)[0][0])
+    clean = CleanFrames(sequence, power, NEGATIVE)
     surfaces = jnp.full((len(snapshots), *cells.shape), -jnp.inf, jnp.float32)
 
-    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def read(start: int, stop: int) -> tuple[np.ndarray, ...]:
         stop = min(stop, sequence.length)
-        frames = _checked(sequence.read(start, stop), start, power, sequence.source)
-        numbers = np.arange(start, stop)
+        frames, missing = clean.read(start, stop)
         # From the first frame: single precision resolves no day in frames of a video.
         times = (sequence.times[start:stop] - sequence.times[0]).astype(np.float32)
-        return times, frames, slots_of(numbers, snapshots)
+        return times, frames, missing, slots_of(np.arange(start, stop), snapshots)
 
     def rows(start: int, block: Any, outputs: Any) -> xr.Dataset:
         estimates, pictures = outputs
@@ -128,25 +134,10 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         length=sequence.length,
         size=int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, min(LONGEST_BLOCK, sequence.length))),
         seed=scenario.filter.seed,
+        remarks=clean.remarks,
         within=NEAR_CELLS * min(axis.step for _, axis in sequence.axes),
         close=close if images else None,
     )
-
-
-def _checked(frames: np.ndarray, number: int, power: bool, source: str) -> Float[np.ndarray, "frame *cells"]:
-    """Frames in single precision, the first of which has this number; refuses what nothing can be told from."""
-    flat = np.asarray(frames).reshape(len(frames), -1)
-    low, high = flat.min(axis=1), flat.max(axis=1)
-    for good, problem in (
-        (
-            (low >= -LARGEST_VALUE) & (high <= LARGEST_VALUE),
-            f"values beyond {LARGEST_VALUE:g} or NaN; expected smaller ones",
-        ),
-        ((low >= 0) | (not power), "values below 0; expected power or envelope"),
-    ):
-        if not good.all():
-            raise InputError(f"{source}: frame {number + int(np.argmin(good))} holds {problem}.")
-    return np.asarray(frames, np.float32)
 
 
 def _dataset(times: np.ndarray, estimates: Any, pictures: dict[str, np.ndarray], sequence: Sequence) -> xr.Dataset:

@@ -12,10 +12,12 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from faintrack.baselines.detect_and_track import DetectAndTrack
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError, naming
-from faintrack.io.arrays import match_channels
+from faintrack.io.arrays import matched
+from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import first_key
 from faintrack.kinds.recording.build import build_beamformer, build_tracker, default_snr_db
+from faintrack.kinds.recording.checks import about_array, about_levels, as_heard
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.results.schema import bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
@@ -60,17 +62,25 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     ------
     InputError : there is no array, or recording, array, band and frame do not fit together.
     """
-    array = array_of(recording, scenario)
+    array, rule = array_of(recording, scenario)
+    band = scenario.analysis.band
+    array, straight = as_heard(array, recording.sample_rate / 2 if band is None else band[1])
     beamformer, length, count = plan_frames(recording, array, scenario)
-    seconds = scenario.likelihood.noise_seconds
-    noise_power = None if seconds is None else measure_noise(recording, beamformer, length, seconds)
+    clean = CleanRecording(recording)
+    described: Any = scenario.array
+    likelihood = scenario.likelihood
+    noise_power = None
+    if likelihood.noise_power is not None:
+        noise_power = np.full(beamformer.grid.frequency.size, likelihood.noise_power / clean.level**2)
+    elif likelihood.noise_seconds is not None:
+        noise_power = measure_noise(CleanRecording(recording).recording, beamformer, length, likelihood.noise_seconds)
     with naming(recording.source):
         tracker = build_tracker(scenario, array, beamformer, noise_power)
     frame_bytes = 4 * max(beamformer.grid.frequency.size * beamformer.grid.beams, length * recording.channels)
     heard = np.zeros(recording.channels, bool)
 
     def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        block = framed(recording, length, start, min(stop, count) - start)
+        block = framed(clean.recording, length, start, min(stop, count) - start)
         return block.time, block.samples, block.usable
 
     def rows(start: int, block: tuple[np.ndarray, ...], outputs: tuple[Estimate, np.ndarray]) -> xr.Dataset:
@@ -89,12 +99,27 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         length=count,
         size=int(np.clip(BLOCK_BYTES // frame_bytes, 1, min(LONGEST_BLOCK, count))),
         seed=scenario.filter.seed,
+        checks=(
+            *rule,
+            *straight,
+            *about_array(array, described, beamformer, recording.sample_rate),
+            *about_levels(CleanRecording(recording).recording, array),
+        ),
+        remarks=lambda: (*clean.remarks(), *_rest(recording, count * length)),
         within=math.degrees(lobe_width(array, float(beamformer.grid.frequency[-1]))),
     )
 
 
-def array_of(recording: Recording, scenario: RecordingScenario) -> SensorArray:
-    """Array of a scenario, its channels in the order of a recording's.
+def _rest(recording: Recording, used: int) -> tuple[str, ...]:
+    """What is left out at the end of a recording."""
+    rest = (recording.length - used) / recording.sample_rate
+    if not rest:
+        return ()
+    return (f"The last {rest:.4g} s of {recording.duration:.6g} s, shorter than a frame, were left out.",)
+
+
+def array_of(recording: Recording, scenario: RecordingScenario) -> tuple[SensorArray, tuple[str, ...]]:
+    """Array of a scenario, its channels in the order of a recording's, and by which rule where that is not plain.
 
     Raises
     ------
@@ -105,7 +130,7 @@ def array_of(recording: Recording, scenario: RecordingScenario) -> SensorArray:
             f"{recording.source} holds {recording.channels} channels at {recording.sample_rate:g} Hz and no array was "
             "given; expected array, a file (--array FILE) or a section of the scenario with the channels' positions."
         )
-    return match_channels(build(scenario.array), recording)
+    return matched(build(scenario.array), recording)
 
 
 def plan_frames(recording: Recording, array: SensorArray, scenario: Any) -> tuple[Beamformer, int, int]:
@@ -199,7 +224,7 @@ def _dataset(
     reference = "clockwise from north" if array.circular else "from the array axis"
     masked = (~usable & array.alive).sum(axis=1).astype(np.int32)
     data = estimated(time, estimates, bearing(reference))
-    data["masked_channels"] = of_scans(masked, "1", "channels left out, samples not finite", counted="masked_scans")
+    data["masked_channels"] = of_scans(masked, "1", "channels left out, samples missing", counted="masked_scans")
     data["record"] = (
         ("time", "beam"),
         record,

@@ -1,0 +1,130 @@
+"""Set-ups of arrays that can tell little or nothing: told before a run, by `faintrack info` and in the report."""
+
+import numpy as np
+
+from faintrack.data.recording import Recording
+from faintrack.scenario.array import ArrayDescription
+from faintrack.sensors.array import SensorArray, straightened
+from faintrack.signal.beamformer import Beamformer
+
+SMALLEST, LARGEST = 0.25, 2000.0
+"""Lengths of the shortest wave that an array spans at least to tell a bearing, and at most to be an array of one."""
+
+STRAIGHT = 1 / 20
+"""Of the shortest wave: channels that lie within it of a line cannot tell its sides apart, as phases differ by less
+than two thirds of a radian."""
+
+TRANSITS = 4.0
+"""Times that a wave takes along the array which a transform lasts at least, else the channels hear different parts."""
+
+FREQUENCIES = 16
+"""Of a band, at which its response is looked at."""
+
+GRATING = 0.8
+"""Power of a wave from elsewhere in a beam, over that of one from where it points, that makes the two alike."""
+
+LOUDER_DB, SECONDS = 30.0, 5.0
+"""By how much one channel differs from the others before it is told, over the first seconds."""
+
+
+def as_heard(array: SensorArray, highest: float) -> tuple[SensorArray, tuple[str, ...]]:
+    """Array as waves up to a frequency see it: one that is nearly a line is a line.
+
+    Parameters
+    ----------
+    array : as described.
+    highest : frequency; Hz.
+    """
+    wave = array.sound_speed / highest
+    line, off = straightened(array, STRAIGHT * wave)
+    if line is array or _aperture(array) < SMALLEST * wave:
+        return array, ()
+    return line, (
+        f"The channels lie within {off:.3g} m of a line, less than a twentieth of the shortest wave, {wave:.3g} m: its "
+        "two sides cannot be told apart, and bearings are from its axis.",
+    )
+
+
+def _aperture(array: SensorArray) -> float:
+    """Largest distance between two channels in use; metres."""
+    used = array.positions[array.alive]
+    return float(np.linalg.norm(used[:, None] - used[None], axis=-1).max())
+
+
+def about_array(
+    array: SensorArray, described: ArrayDescription, plan: Beamformer, sample_rate: float
+) -> tuple[str, ...]:
+    """What an array cannot tell in a band; one sentence each."""
+    aperture, highest = _aperture(array), float(plan.grid.frequency[-1])
+    wave = array.sound_speed / highest
+    remarks = []
+    if described.sound_speed is None:
+        remarks.append(f"The array does not tell the sound speed; {array.sound_speed:g} m/s was taken.")
+    if aperture < SMALLEST * wave:
+        remarks.append(
+            f"The array is {aperture:.3g} m long and the shortest wave {wave:.3g} m: it hardly tells a bearing. "
+            "Are the positions in metres, and is the sound speed that of the medium?"
+        )
+    elif aperture > LARGEST * wave:
+        remarks.append(
+            f"The array is {aperture:.3g} m long, {aperture / wave:.3g} times the shortest wave, {wave:.3g} m: "
+            "hardly any beam meets a source. Are the positions in metres?"
+        )
+    elif (lobe := _grating_lobe(array, plan.grid.frequency)) is not None:
+        remarks.append(
+            f"In this band the array hears a wave from {lobe[0]:.0f} degrees as one from {lobe[1]:.0f} degrees (grating "
+            "lobes): a wider band, or a lower one, tells them apart."
+        )
+    transit, length = aperture / array.sound_speed, plan.snapshot / sample_rate
+    if length < TRANSITS * transit:
+        remarks.append(
+            f"A transform lasts {length:.3g} s and a wave takes {transit:.3g} s along the array: the channels hear "
+            "different parts of it. Expected a longer analysis.frame or analysis.snapshot."
+        )
+    return tuple(remarks)
+
+
+def about_levels(recording: Recording, array: SensorArray) -> tuple[str, ...]:
+    """Channels whose level is far from that of the others; one sentence each."""
+    samples = np.asarray(recording.read(0, min(recording.length, round(SECONDS * recording.sample_rate))), float)
+    with np.errstate(all="ignore"):
+        power = (
+            np.array(
+                [
+                    np.mean(column[np.isfinite(column)] ** 2) if np.isfinite(column).any() else np.nan
+                    for column in samples.T
+                ]
+            )
+            * array.gains**2
+        )
+        level = 10 * np.log10(np.where((power > 0) & array.alive, power, np.nan))
+    if np.isnan(level).all():
+        return ()
+    off = level - np.nanmedian(level)
+    return tuple(
+        f"Channel {recording.channel_names[number]} is {abs(off[number]):.0f} dB "
+        f"{'louder' if off[number] > 0 else 'quieter'} than the others in the first seconds: expected a gain in the "
+        "array that corrects it, or the channel in its list of dead ones."
+        for number in np.flatnonzero(np.abs(np.nan_to_num(off)) > LOUDER_DB)
+    )
+
+
+def _grating_lobe(array: SensorArray, frequency: np.ndarray) -> tuple[float, float] | None:
+    """Two bearings that an array cannot tell apart in a band, degrees; None where there are none."""
+    bearing = np.linspace(-np.pi, np.pi, 721) if array.circular else np.linspace(0, np.pi, 361)
+    delays = np.asarray(array.delays(bearing))[:, array.alive]
+    rows = np.arange(0, len(bearing), 8)
+    power = np.zeros((len(rows), len(bearing)))
+    for one in frequency[:: max(1, len(frequency) // FREQUENCIES)]:
+        steering = np.exp(-2j * np.pi * one * delays)
+        power += np.abs(steering[rows].conj() @ steering.T / steering.shape[1]) ** 2
+    power /= power.max()
+    for number, row in enumerate(rows):
+        for other in np.flatnonzero(power[number] > GRATING):
+            low, high = sorted((int(row), int(other)))
+            # Beyond the main lobe, either way round: where the response has fallen below a half in between.
+            between = power[number, low : high + 1].min()
+            around = np.concatenate([power[number, :low], power[number, high:]]).min()
+            if between < 0.5 and (not array.circular or around < 0.5):
+                return float(np.degrees(bearing[other])), float(np.degrees(bearing[row]))
+    return None
