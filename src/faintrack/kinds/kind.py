@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import xarray as xr
 from jaxtyping import PRNGKeyArray
@@ -19,6 +19,7 @@ from faintrack.results.truth import Known
 from faintrack.scenario.plane import Plane
 
 
+@runtime_checkable
 class Step(Protocol):
     """What is compiled: scans of a block, taken in one after the other. An `equinox.Module`."""
 

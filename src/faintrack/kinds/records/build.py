@@ -57,7 +57,7 @@ class Placed:
     heading: Float[np.ndarray, "scan array"]
     lean: Float[np.ndarray, " array"]
 
-    def stations(self, part: np.ndarray) -> Stations:
+    def stations(self, part: slice) -> Stations:
         """Of some scans."""
         return Stations(*(jnp.asarray(values[part], jnp.float32) for values in (self.x, self.y, self.heading)))
 

@@ -1,7 +1,8 @@
 """Records of several arrays in memory."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Records:
 
 
 def from_records(
-    records: Iterable[Sequence | Recording],
+    records: Any,
     paths: Mapping[str, Path] | None = None,
     arrays: Mapping[str, SensorArray] | None = None,
 ) -> Records:

@@ -13,12 +13,12 @@ from jaxtyping import Float
 from faintrack.beliefs.axis import Axis
 from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
+from faintrack.kinds.planar import known, states_of
 from faintrack.kinds.records.build import build_fans, build_likelihood, build_placed, build_plane
 from faintrack.kinds.records.data import Records
 from faintrack.kinds.records.sections import RecordsScenario, SimulationSection, SourceSection, parse_utc
 from faintrack.kinds.records.together import paths_of, put_together
 from faintrack.results.truth import Known, Places
-from faintrack.scenario.moving import PlanarTargetSection, states_of
 from faintrack.simulation.energies import draw_energies
 from faintrack.targets.states import BearingState
 
@@ -47,7 +47,7 @@ def targets(scenario: RecordsScenario) -> list[Known]:
     if scenario.region is None:
         line = scenario.stations[0].is_line
         return [Known(f"source {n}", partial(_heard_at, source, line)) for n, source in enumerate(table.sources, 1)]
-    return [Known(f"target {n}", partial(_place_at, target)) for n, target in enumerate(table.targets, 1)]
+    return known(table.targets)
 
 
 def _heard_at(source: SourceSection, line: bool, times: np.ndarray) -> Places:
@@ -55,12 +55,6 @@ def _heard_at(source: SourceSection, line: bool, times: np.ndarray) -> Places:
     bearing = (_bearing(source, times) + 180) % 360 - 180
     # A line hears a wave as from its mirror image.
     return {"bearing": np.abs(bearing) if line else bearing}
-
-
-def _place_at(target: PlanarTargetSection, times: np.ndarray) -> Places:
-    """Place of a target; not a number where it is not there."""
-    states, there = states_of((target,), times)
-    return {name: np.where(there[:, 0], np.asarray(getattr(states, name))[:, 0], np.nan) for name in ("x", "y")}
 
 
 def _simulation(scenario: RecordsScenario) -> SimulationSection:
