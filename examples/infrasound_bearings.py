@@ -16,14 +16,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+import faintrack as ft
 from faintrack.data.bearings import from_columns
-from faintrack.io import read
-from faintrack.kinds.session import track
-from faintrack.kinds.session_bearings import track_bearings
-from faintrack.scenario.model import Scenario
-from faintrack.sensors.array import sensor_array
 
-ARRAY = sensor_array(
+ARRAY = ft.sensor_array(
     np.array([[-66.5, -44.5, 0.0], [-32.5, 77.8, 0.0], [88.2, -22.1, 0.0], [10.8, -11.1, 0.0]]), sound_speed=345.0
 )
 SOURCES = {
@@ -85,11 +81,11 @@ def main() -> None:
     parser.add_argument("recordings", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
-    recording = read(*options.recordings)
-    whole = track(recording, ARRAY, band=BAND, frame=FRAME)
+    recording = ft.read(*options.recordings)
+    whole = ft.track(recording, array=ARRAY, analysis={"band": BAND, "frame": FRAME})
     rows: list[tuple[float, float, int]] = []
     for number, band in enumerate(BANDS):
-        record = track(recording, ARRAY, band=band, frame=FRAME).record
+        record = ft.track(recording, array=ARRAY, analysis={"band": band, "frame": FRAME}).data.record
         strongest = record.max("beam")
         threshold = float(np.median(strongest.values[within(record.time.values, QUIET)]))
         bearing = record.beam.values[record.argmax("beam").values]
@@ -99,19 +95,19 @@ def main() -> None:
     time, bearing, observer = np.array(rows).T
     zero = np.zeros(len(time))
     columns = {"time_s": time, "bearing_deg": bearing, "observer_x_m": zero, "observer_y_m": zero, "observer": observer}
-    result = track_bearings(from_columns(columns), Scenario.model_validate(SCENARIO))
+    result = ft.track(from_columns(columns), SCENARIO)
     data = result.data.assign_coords(time=result.data.time + time[0])
-    direction = np.degrees(np.arctan2(data.x_mean.values, data.y_mean.values))
+    direction = np.degrees(np.arctan2(data.x.values, data.y.values))[:, 0]
     methods = {
-        "bearings": (data, direction, data.existence.values),
-        "track_before_detect": (whole.data, whole.data.bearing.values, whole.data.existence.values),
+        "bearings": (data, direction, data.existence.values[:, 0]),
+        "track_before_detect": (whole.data, whole.data.bearing.values[:, 0], whole.data.existence.values[:, 0]),
     }
     kept = {
         name: {
             **found(each, degrees),
             "time": each.time.values.round(1).tolist(),
             "existence": existence.astype(float).round(4).tolist(),
-            "bearing_deg": np.where(each.label.values > 0, degrees, np.nan).astype(float).round(1).tolist(),
+            "bearing_deg": np.where(each.label.values[:, 0] > 0, degrees, np.nan).astype(float).round(1).tolist(),
         }
         for name, (each, degrees, existence) in methods.items()
     }
