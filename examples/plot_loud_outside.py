@@ -9,62 +9,43 @@ target, and moves as steadily. Where the surroundings are watched, the ship is f
 
 import math
 
-import jax
-import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 
-from faintrack.beliefs.axis import Axis
-from faintrack.data.sequence import from_frames
-from faintrack.kinds.session_stations import track_records
-from faintrack.likelihoods.beam_energies import BeamEnergies
-from faintrack.plots.stations import draw_map
-from faintrack.results.result import Result
-from faintrack.scenario import Scenario
-from faintrack.sensors.stations import Fans, Stations
-from faintrack.simulation.energies import draw_energies
-from faintrack.targets.states import PlanarState
+import faintrack as ft
+from faintrack.kinds.records.pictures import draw_map
 
-STEP_DEG, LEVEL, RUNS = 5.0, 4.0, 10
-time = jnp.arange(40.0)
-fans = Fans(first=(0.0, 0.0), step=(math.radians(STEP_DEG),) * 2, count=(37, 37), line=(True, True))
-lines = Stations(x=jnp.array([0.0, -500.0]), y=jnp.array([-500.0, 0.0]), heading=jnp.array([math.pi / 2, 0.0]))
-target, ship = jnp.array([-200.0, 100.0, 1.0, 1.0]), jnp.array([2000.0, 0.0, -2.0, 1.0])
-x, y = (jnp.stack([each[n] + each[n + 2] * time for each in (target, ship)], axis=1) for n in range(2))
-truth = PlanarState(x, y, *(jnp.zeros_like(x),) * 2)
-beams = (("bearing", Axis(0.0, STEP_DEG, 37)),)
+LEVEL, RUNS = 4.0, 10
+SCENARIO = {
+    "stations": [
+        {"name": "south", "x": 0.0, "y": -500.0, "heading_deg": 90.0},
+        {"name": "west", "x": -500.0, "y": 0.0, "heading_deg": 0.0},
+    ],
+    "region": {
+        "x": [-400, 400],
+        "y": [-400, 400],
+        "cell": 50.0,
+        "detectors": [2, 1],
+        "speed": 6.0,
+        "speeds": 5,
+    },
+    "energies": {"absent": [0.0, 1.0], "present": [LEVEL, 1.0]},
+    "target": {"arrival_rate": 0.001, "departure_rate": 0.001, "velocity_noise": 0.2},
+    "several": {"slots": 4},
+    "simulation": {
+        "scans": 40,
+        "beam_deg": 5.0,
+        "targets": [{"x": -200.0, "y": 100.0, "vx": 1.0, "vy": 1.0}, {"x": 2000.0, "y": 0.0, "vx": -2.0, "vy": 1.0}],
+    },
+}
+time = np.arange(40.0)[:, None]
+x, y = np.array([-200.0, 2000.0]) + time * np.array([1.0, -2.0]), np.array([100.0, 0.0]) + time
 
 
-def track(run: int, surroundings: float) -> Result:
+def track(run: int, surroundings: float) -> ft.Result:
     """Result of one draw of the noise."""
-    heard = draw_energies(
-        jax.random.key(run), BeamEnergies(fans, present_mean=LEVEL), time, lines, truth, jnp.ones(x.shape, bool)
-    )
-    records = tuple(from_frames(np.asarray(heard.energy[:, number]), axes=beams) for number in range(2))
-    return track_records(
-        records,
-        Scenario.model_validate(
-            {
-                "stations": [
-                    {"name": "south", "x": 0.0, "y": -500.0, "heading_deg": 90.0},
-                    {"name": "west", "x": -500.0, "y": 0.0, "heading_deg": 0.0},
-                ],
-                "region": {
-                    "x": [-400, 400],
-                    "y": [-400, 400],
-                    "cell": 50.0,
-                    "detectors": [2, 1],
-                    "speed": 6.0,
-                    "speeds": 5,
-                    "surroundings": surroundings,
-                },
-                "energies": {"absent": [0.0, 1.0], "present": [LEVEL, 1.0]},
-                "target": {"arrival_rate": 0.001, "departure_rate": 0.001, "velocity_noise": 0.2},
-                "several": {"slots": 4},
-                "filter": {"seed": run},
-            }
-        ),
-    )
+    heard = ft.simulate(SCENARIO, simulation={"seed": run})
+    return ft.track(heard, SCENARIO, region={"surroundings": surroundings}, filter={"seed": run})
 
 
 # %%
@@ -73,9 +54,9 @@ def track(run: int, surroundings: float) -> Result:
 # How many tracks end more than 80 m from the target, without and with the surroundings, 2 km around the square.
 
 
-def off(result: Result) -> list[float]:
+def off(result: ft.Result) -> list[float]:
     """How far each track ends from the target."""
-    return [math.hypot(each.end["x"] - float(x[-1, 0]), each.end["y"] - float(y[-1, 0])) for each in result.tracks]
+    return [math.hypot(one.mean["x"][-1] - x[-1, 0], one.mean["y"][-1] - y[-1, 0]) for one in result.tracks]
 
 
 results = {width: [track(run, width) for run in range(RUNS)] for width in (0.0, 2000.0)}
@@ -94,8 +75,8 @@ worst = max(range(RUNS), key=lambda run: max(off(results[0.0][run]), default=0.0
 figure, axes = plt.subplots(1, 2, figsize=(11, 5.5), sharex=True, sharey=True, layout="constrained")
 for axis, (width, found) in zip(axes, results.items(), strict=True):
     draw_map(axis, found[worst].data)
-    axis.plot(np.asarray(x[:, 0]) / 1000, np.asarray(y[:, 0]) / 1000, color="black", ls=":", lw=1.5)
-    for east, north in zip(lines.x, lines.y, strict=True):
+    axis.plot(x[:, 0] / 1000, y[:, 0] / 1000, color="black", ls=":", lw=1.5)
+    for east, north in ((0.0, -500.0), (-500.0, 0.0)):
         for goal in range(2):
             axis.axline((east / 1000, north / 1000), (x[-1, goal] / 1000, y[-1, goal] / 1000), color="#999999", lw=0.6)
     axis.set(xlim=(-0.6, 0.6), ylim=(-0.6, 0.6))

@@ -13,11 +13,9 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
-from faintrack.data.recording import from_samples
-from faintrack.kinds.session_stations import beamformed, track_records
-from faintrack.plots.stations import draw_detection, draw_heard, draw_number
-from faintrack.scenario import Scenario
-from faintrack.sensors.array import line_array
+import faintrack as ft
+from faintrack.kinds.records.data import from_records
+from faintrack.kinds.records.pictures import draw_detection, draw_heard, draw_number
 from faintrack.simulation.samples import Source, draw_samples
 
 SECONDS, RATE, SNR_DB = 180.0, 4000.0, -27.0
@@ -26,18 +24,15 @@ sources = [
     Source(SNR_DB, math.radians(100), math.radians(-0.15)),
     Source(SNR_DB, math.radians(140), start=40.0, end=120.0),
 ]
-array = line_array(32, 0.375)
-recording = from_samples(np.concatenate(list(draw_samples(array, sources, SECONDS, RATE, seed=0))), RATE)
-scenario = Scenario.model_validate(
-    {
-        "analysis": {"frame": 1.0, "beams": 48},
-        "stations": [{"name": "line"}],
-        "target": {"bearing_rate_deg": 0.5, "bearing_rate_noise_deg": 0.02},
-        "several": {"slots": 6, "particles": 1024},
-    }
+array = ft.line_array(32, 0.375)
+recording = ft.from_samples(np.concatenate(list(draw_samples(array, sources, SECONDS, RATE, seed=0))), RATE)
+result = ft.track(
+    from_records(recording),
+    stations=[{"name": "line", "array": array}],
+    analysis={"frame": 1.0, "beams": 48},
+    target={"bearing_rate_deg": 0.5, "bearing_rate_noise_deg": 0.02},
+    several={"slots": 6, "particles": 1024},
 )
-record = beamformed(recording, array, scenario)
-result = track_records((record,), scenario, arrays={"line": array})
 
 # %%
 # What the array hears
@@ -61,6 +56,6 @@ draw_number(below, result)
 below.set_xlabel("time from the first scan (s)")
 for track in result.tracks:
     print(
-        f"track {track.label}: {track.start_s:.0f} to {track.end_s:.0f} s, from {track.start['bearing']:.1f} to "
-        f"{track.end['bearing']:.1f} degrees"
+        f"track {track.label}: {track.start_s:.0f} to {track.end_s:.0f} s, from {track.mean['bearing'][0]:.1f} to "
+        f"{track.mean['bearing'][-1]:.1f} degrees"
     )

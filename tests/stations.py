@@ -10,7 +10,7 @@ import numpy as np
 
 from faintrack.beliefs.axis import Axis
 from faintrack.data.sequence import Sequence
-from faintrack.scenario.model import Scenario
+from faintrack.kinds.records.sections import RecordsScenario
 from faintrack.sensors.stations import Fans, Stations
 from faintrack.targets.states import PlanarState
 
@@ -40,15 +40,15 @@ TABLES: dict[str, Any] = {
 
 
 def tables(**changes: Any) -> dict[str, Any]:
-    """Tables of the scenario; those that are named get other fields, or another value."""
-    found = copy.deepcopy(TABLES)
+    """Sections of the scenario; those that are named get other fields, or another value."""
+    sections = copy.deepcopy(TABLES)
     for name, change in changes.items():
-        found[name] = found.get(name, {}) | change if isinstance(change, dict) else change
-    return found
+        sections[name] = sections.get(name, {}) | change if isinstance(change, dict) else change
+    return sections
 
 
-def scenario(**changes: Any) -> Scenario:
-    return Scenario.model_validate(tables(**changes))
+def scenario(**changes: Any) -> RecordsScenario:
+    return RecordsScenario(**tables(**changes))
 
 
 def place(time: np.ndarray) -> np.ndarray:

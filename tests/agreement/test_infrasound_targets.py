@@ -4,12 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 
-from faintrack.io.stations import open_stations
-from faintrack.kinds.session_stations import track_records
-from faintrack.results.stations import each_target
-from faintrack.scenario.model import Scenario
+import faintrack as ft
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "infrasound_array"
 PLACES = ((-66.5, -44.5), (-32.5, 77.8), (88.2, -22.1), (10.8, -11.1))
@@ -37,26 +33,24 @@ pytestmark = pytest.mark.skipif(not DATA.exists(), reason="the infrasound record
 
 
 @pytest.fixture(scope="module")
-def found() -> xr.Dataset:
-    scenario = Scenario.model_validate(TABLES)
-    inputs = open_stations(sorted(DATA.glob("*.SAC")), scenario)
-    return track_records(inputs.records, scenario, inputs.paths, inputs.arrays).data
+def found() -> ft.Result:
+    return ft.track(sorted(DATA.glob("*.SAC")), TABLES)
 
 
 @pytest.mark.parametrize(
     ("label", "start", "end", "bearing"), [(1, 640, 800, -110), (2, 840, 930, -39)], ids=["west", "northwest"]
 )
-def test_each_source_is_one_target(found: xr.Dataset, label: int, start: float, end: float, bearing: float) -> None:
+def test_each_source_is_one_target(found: ft.Result, label: int, start: float, end: float, bearing: float) -> None:
     """Held all the while that it is loud, on average within half a beam of the published bearing."""
-    mine = dict(each_target(found, "bearing"))[label]
-    time = mine["time"] + found.attrs["first_scan_time"]
+    track = found.track(label)
+    time = track.time + found.data.attrs["first_scan_time"]
     assert time[0] < start
     assert time[-1] > end
-    held = (mine["bearing"] + 180) % 360 - 180
+    held = (track.mean["bearing"] + 180) % 360 - 180
     print(f"{time[0]:.0f} to {time[-1]:.0f} s: {held.mean():.1f} degrees, standard deviation {held.std():.1f}")
     assert abs(held.mean() - bearing) < WIDTH / 2
     assert np.abs(held - bearing).max() < WIDTH
 
 
-def test_nothing_else_is_declared(found: xr.Dataset) -> None:
-    assert found.label.max() == 2
+def test_nothing_else_is_declared(found: ft.Result) -> None:
+    assert found.data.label.max() == 2

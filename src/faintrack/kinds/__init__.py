@@ -17,6 +17,7 @@ KINDS = {
     "frames": "faintrack.kinds.frames",
     "returns": "faintrack.kinds.returns",
     "bearings": "faintrack.kinds.bearings",
+    "records": "faintrack.kinds.records",
 }
 """Name of each kind, and the module whose `KIND` it is."""
 

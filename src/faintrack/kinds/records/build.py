@@ -1,4 +1,4 @@
-"""From the tables of a scenario to what tracks several targets: where arrays stand, beams, detectors, trackers."""
+"""From the sections of a scenario to what tracks several targets: where arrays stand, beams, detectors, trackers."""
 
 import math
 from collections.abc import Mapping
@@ -7,16 +7,16 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from faintrack.scenario.model import Scenario
-from faintrack.scenario.stations import SeveralTable, StationTable
 from jaxtyping import Float
 
 from faintrack.beliefs.axis import Axis, between
 from faintrack.data.records import InStep
 from faintrack.errors import InputError
+from faintrack.kinds.records.data import Path
+from faintrack.kinds.records.sections import RecordsScenario, SeveralSection, StationSection
 from faintrack.likelihoods.beam_energies import BeamEnergies
-from faintrack.scenario.array import Pair
 from faintrack.scenario.plane import Plane
+from faintrack.scenario.section import Pair
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.stations import Fans, Stations
 from faintrack.targets.motion import PlanarMotion
@@ -24,10 +24,6 @@ from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target
 from faintrack.trackers.detectors import Detectors, planar_detectors, surrounding_cells, surrounding_detector
 from faintrack.trackers.several import SeveralTargetsTracker, assembled, bearing_tracker
-
-Path = Mapping[str, np.ndarray]
-"""Where an array moves, by the names of columns: `time_s`, `x_m` and `y_m` or `latitude_deg` and `longitude_deg`, and
-perhaps `heading_deg`."""
 
 NOISE_SHARE = 0.01
 """Density of the acceleration where the scenario does not say, over the region's largest speed; per root second."""
@@ -61,12 +57,12 @@ class Placed:
     heading: Float[np.ndarray, "scan array"]
     lean: Float[np.ndarray, " array"]
 
-    def stations(self, part: np.ndarray) -> Stations:
+    def stations(self, part: slice) -> Stations:
         """Of some scans."""
         return Stations(*(jnp.asarray(values[part], jnp.float32) for values in (self.x, self.y, self.heading)))
 
 
-def build_plane(scenario: Scenario) -> Plane | None:
+def build_plane(scenario: RecordsScenario) -> Plane | None:
     """Plane about the middle of the region; None where the scenario is in metres, or has no region."""
     region = scenario.region
     if region is None or region.latitude is None or region.longitude is None:
@@ -74,7 +70,7 @@ def build_plane(scenario: Scenario) -> Plane | None:
     return Plane(float(np.mean(region.latitude)), float(np.mean(region.longitude)))
 
 
-def build_region(scenario: Scenario, plane: Plane | None) -> tuple[Pair, Pair]:
+def build_region(scenario: RecordsScenario, plane: Plane | None) -> tuple[Pair, Pair]:
     """Ends of the region along x and y; metres. One in degrees is within them."""
     region = scenario.region
     assert region is not None, "stations have a region"
@@ -93,7 +89,7 @@ def build_region(scenario: Scenario, plane: Plane | None) -> tuple[Pair, Pair]:
 
 
 def build_placed(
-    scenario: Scenario,
+    scenario: RecordsScenario,
     together: InStep,
     paths: Mapping[str, Path],
     arrays: Mapping[str, SensorArray],
@@ -117,7 +113,7 @@ def build_placed(
         still = np.zeros((together.length, 1))
         return Placed(still, still, still, np.zeros(1))
     columns = []
-    for table, shift in zip(_stations(scenario), together.shifts, strict=True):
+    for table, shift in zip(scenario.stations, together.shifts, strict=True):
         path = paths.get(table.name) or _still(table)
         times = path["time_s"] + shift
         room = together.interval / 2
@@ -139,7 +135,7 @@ def build_placed(
     return Placed(x, y, heading, np.array([column[3] for column in columns]))
 
 
-def build_fans(scenario: Scenario, together: InStep, arrays: Mapping[str, SensorArray], placed: Placed) -> Fans:
+def build_fans(scenario: RecordsScenario, together: InStep, arrays: Mapping[str, SensorArray], placed: Placed) -> Fans:
     """Beams of the arrays.
 
     Raises
@@ -147,7 +143,7 @@ def build_fans(scenario: Scenario, together: InStep, arrays: Mapping[str, Sensor
     InputError : bearings beyond what a line, or any other array, can hear.
     """
     first, step, count, lines = [], [], [], []
-    for table, record, lean in zip(_stations(scenario), together.records, placed.lean, strict=True):
+    for table, record, lean in zip(scenario.stations, together.records, placed.lean, strict=True):
         axis: Axis = dict(record.axes)["bearing"]
         line = not arrays[table.name].circular if table.name in arrays else table.is_line
         low, high, span = (0.0, 180.0, 180.0) if line else (-360.0, 360.0, 360.0)
@@ -164,7 +160,7 @@ def build_fans(scenario: Scenario, together: InStep, arrays: Mapping[str, Sensor
     return Fans(tuple(first), tuple(step), tuple(count), tuple(lines))
 
 
-def require_heard(scenario: Scenario, fans: Fans, placed: Placed, region: tuple[Pair, Pair]) -> None:
+def require_heard(scenario: RecordsScenario, fans: Fans, placed: Placed, region: tuple[Pair, Pair]) -> None:
     """Refuse arrays that hear nothing of the region.
 
     Raises
@@ -178,7 +174,7 @@ def require_heard(scenario: Scenario, fans: Fans, placed: Placed, region: tuple[
         stations = Stations(*(jnp.asarray(v[scan], jnp.float32) for v in (placed.x, placed.y, placed.heading)))
         heard |= np.asarray(fans.beams(stations, states) >= 0).any(axis=(1, 2))
     if not heard.all():
-        table = _stations(scenario)[int(np.argmin(heard))]
+        table = scenario.stations[int(np.argmin(heard))]
         raise InputError(
             f"station {table.name} hears nothing of the region: none of its beams reaches into it; expected another "
             "region, heading_deg or place."
@@ -186,7 +182,7 @@ def require_heard(scenario: Scenario, fans: Fans, placed: Placed, region: tuple[
 
 
 def build_detectors(
-    scenario: Scenario, region: tuple[Pair, Pair], interval: float
+    scenario: RecordsScenario, region: tuple[Pair, Pair], interval: float
 ) -> tuple[Detectors, Detectors | None]:
     """Detectors of a scenario's region, and of its surroundings if there are any.
 
@@ -225,22 +221,27 @@ def build_detectors(
     return watch, surrounding_detector(watch, table.surroundings, interval)
 
 
-def build_target(scenario: Scenario) -> Target:
-    """Target of a scenario; where it appears is the detectors' matter."""
-    table, region = scenario.target, scenario.region
+def velocity_noise(scenario: RecordsScenario) -> float:
+    """Density of the acceleration of targets in a region; m/s per root second."""
+    given, region = scenario.target.velocity_noise, scenario.region
     assert region is not None, "stations have a region"
-    noise = NOISE_SHARE * region.speed if table.velocity_noise is None else table.velocity_noise
-    return Target(None, PlanarMotion(noise), table.arrival_rate, table.departure_rate)
+    return NOISE_SHARE * region.speed if given is None else given
 
 
-def build_likelihood(scenario: Scenario, fans: Fans) -> BeamEnergies:
+def build_target(scenario: RecordsScenario) -> Target:
+    """Target of a scenario; where it appears is the detectors' matter."""
+    table = scenario.target
+    return Target(None, PlanarMotion(velocity_noise(scenario)), table.arrival_rate, table.departure_rate)
+
+
+def build_likelihood(scenario: RecordsScenario, fans: Fans) -> BeamEnergies:
     """Likelihood of a scenario's energies."""
     (absent_mean, absent_std), (present_mean, present_std) = scenario.energies.levels
     return BeamEnergies(fans, absent_mean, absent_std, present_mean, present_std)
 
 
 def build_several(
-    scenario: Scenario, fans: Fans, placed: Placed, plane: Plane | None, interval: float
+    scenario: RecordsScenario, fans: Fans, placed: Placed, plane: Plane | None, interval: float
 ) -> SeveralTargetsTracker:
     """Tracker of a scenario for the energies of several arrays, or of one by itself.
 
@@ -254,10 +255,10 @@ def build_several(
     require_heard(scenario, fans, placed, region)
     watch, outside = build_detectors(scenario, region, interval)
     target, likelihood = build_target(scenario), build_likelihood(scenario, fans)
-    return assembled(watch, outside, target, likelihood, table.slots, _particles(table), **_decisions(table))
+    return assembled(watch, outside, target, likelihood, table.slots, particles_of(table), **_decisions(table))
 
 
-def _alone(scenario: Scenario, fans: Fans, interval: float) -> SeveralTargetsTracker:
+def _alone(scenario: RecordsScenario, fans: Fans, interval: float) -> SeveralTargetsTracker:
     """Tracker of a scenario for the energies of an array by itself, in all bearings that its kind has."""
     target, table = scenario.target, scenario.several
     low, high = (0.0, math.pi) if fans.line[0] else (-math.pi, math.pi)
@@ -277,23 +278,19 @@ def _alone(scenario: Scenario, fans: Fans, interval: float) -> SeveralTargetsTra
         target.arrival_rate,
         target.departure_rate,
         table.slots,
-        _particles(table),
+        particles_of(table),
         **_decisions(table),
     )
 
 
-def _particles(table: SeveralTable) -> int:
+def particles_of(table: SeveralSection) -> int:
+    """Particles that follow a target, a power of two."""
     return int(2 ** math.ceil(math.log2(table.particles)))
 
 
-def _decisions(table: SeveralTable) -> dict[str, Any]:
+def _decisions(table: SeveralSection) -> dict[str, Any]:
     """When a tracker hands over, declares and drops."""
     return {name: getattr(table, name) for name in ("detect", "declare", "drop", "hold", "margin")}
-
-
-def _stations(scenario: Scenario) -> tuple[StationTable, ...]:
-    assert scenario.stations is not None, "several arrays have stations"
-    return scenario.stations
 
 
 def _cells(ends: Pair, count: int, overlap: float, cell: float) -> int:
@@ -301,13 +298,13 @@ def _cells(ends: Pair, count: int, overlap: float, cell: float) -> int:
     return max(math.ceil((ends[1] - ends[0]) / (count - (count - 1) * overlap) / cell - 1e-9), 2)
 
 
-def _still(table: StationTable) -> Path:
+def _still(table: StationSection) -> Path:
     """Path of an array that does not move."""
     names = {"x_m": table.x, "y_m": table.y, "latitude_deg": table.latitude, "longitude_deg": table.longitude}
     return {"time_s": np.zeros(1)} | {name: np.array([value]) for name, value in names.items() if value is not None}
 
 
-def _heading(table: StationTable, path: Path, array: SensorArray | None) -> np.ndarray:
+def _heading(table: StationSection, path: Path, array: SensorArray | None) -> np.ndarray:
     """Direction of the axis of a line in every row of a path, clockwise from true north; radians."""
     if "heading_deg" in path:
         return np.radians(path["heading_deg"])

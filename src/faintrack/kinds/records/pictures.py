@@ -4,8 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from faintrack.plots.bearing import COLUMNS, GREY, LINE, draw_record
-from faintrack.results.stations import each_target
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -13,7 +11,10 @@ from matplotlib.patches import Ellipse, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from faintrack.kinds.records.dataset import reference
+from faintrack.results.pictures import COLUMNS, GREY, LINE, draw_record
 from faintrack.results.result import Result
+from faintrack.results.track import tracks_of
 from faintrack.sensors.stations import Fans, Stations
 from faintrack.targets.states import PlanarState
 
@@ -29,7 +30,7 @@ DEVIATIONS = 3.0
 KM = 1e-3
 
 
-def draw_records(result: Result) -> Figure:
+def draw(result: Result) -> Figure:
     """Figure of a result of several arrays: map, a record for each array, probability of detection, number of tracks.
 
     An array by itself has no map.
@@ -82,16 +83,15 @@ def draw_map(axes: Axes, data: xr.Dataset) -> None:
             along = reach * np.array([np.sin(heading), np.cos(heading)])
             axes.plot([x[-1] - along[0], x[-1] + along[0]], [y[-1] - along[1], y[-1] + along[1]], color="black")
         axes.annotate(str(name), (x[-1], y[-1]), xytext=(4, -11), textcoords="offset points", fontsize=8)
-    for ship in range(data.sizes.get("ship", 0)):
-        x, y = (KM * data[f"truth_{axis}"].values[:, ship] for axis in "xy")
-        axes.plot(x, y, color="black", linewidth=0.8, linestyle="--")
-    for label, mine in each_target(data, "x", "y", "covariance"):
-        x, y = KM * mine["x"], KM * mine["y"]
-        axes.plot(x, y, color=colour(label), linewidth=1.4)
+    if "truth_x" in data:
+        axes.plot(KM * data.truth_x.values, KM * data.truth_y.values, color="black", linewidth=0.8, linestyle="--")
+    for track in tracks_of(data):
+        x, y = KM * track.mean["x"], KM * track.mean["y"]
+        axes.plot(x, y, color=colour(track.label), linewidth=1.4)
         for scan in np.unique(np.linspace(0, len(x) - 1, ELLIPSES).astype(int)):
             place = float(x[scan]), float(y[scan])
-            axes.add_patch(_ellipse(place, KM**2 * mine["covariance"][scan, :2, :2], colour(label)))
-        _name(axes, label, (float(x[0]), float(y[0])))
+            axes.add_patch(_ellipse(place, KM**2 * track.covariance[scan, :2, :2], colour(track.label)))
+        _name(axes, track.label, (float(x[0]), float(y[0])))
     west, east, south, north = extent(data)
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
@@ -106,26 +106,29 @@ def draw_heard(axes: Axes, data: xr.Dataset, number: int) -> None:
     used = np.isfinite(data.beam_bearing.values[number])
     bearing = data.beam_bearing.values[number][used]
     line = bool(data.line.values[number])
-    reference = "from its axis" if line else "clockwise from north"
     row = xr.Dataset(
         {"record": (("time", "beam"), data.record[:, number, : used.sum()].values.astype(np.float32))},
-        {"time": data.time, "beam": ("beam", bearing, {"reference": reference})},
+        {"time": data.time, "beam": ("beam", bearing, {"reference": reference(line)})},
     )
     draw_record(axes, row)
-    heard = bearings_of(data, number, data.x.values, data.y.values) if "x" in data else data.bearing.values
-    for label, mine in each_target(data.assign(heard=(("time", "slot"), heard)), "heard"):
-        values, times = mine["heard"], mine["time"]
+    for track in tracks_of(data):
+        if "x" in data:
+            scans = np.searchsorted(data.time.values, track.time)
+            values = bearings_of(data.isel(time=scans), number, track.mean["x"][:, None], track.mean["y"][:, None])[
+                :, 0
+            ]
+        else:
+            values = track.mean["bearing"]
+            _name(axes, track.label, (float(track.time[0]), float(values[0])))
         jumps = np.flatnonzero(np.abs(np.diff(values)) > 180) + 1
         axes.plot(
-            np.insert(times, jumps, np.nan),
+            np.insert(track.time, jumps, np.nan),
             np.insert(values, jumps, np.nan),
-            color=colour(label),
+            color=colour(track.label),
             linewidth=1.2,
             path_effects=[withStroke(linewidth=2.4, foreground="white")],
         )
-        if "x" not in data:
-            _name(axes, label, (float(times[0]), float(values[0])))
-    axes.set_ylabel(f"{data.array.values[number]}: bearing\n(degrees {reference})", fontsize=8)
+    axes.set_ylabel(f"{data.array.values[number]}: bearing\n(degrees {reference(line)})", fontsize=8)
 
 
 def draw_detection(axes: Axes, result: Result) -> None:
@@ -145,11 +148,11 @@ def draw_detection(axes: Axes, result: Result) -> None:
 def draw_number(axes: Axes, result: Result) -> None:
     """Number of declared tracks and of targets in hand, with the number of slots where it is reached."""
     data = result.data
-    for values, colour_of, told in (
+    for values, colour_of, name in (
         ((data.existence > 0).sum("slot"), GREY, "in hand"),
         ((data.label > 0).sum("slot"), LINE, "declared"),
     ):
-        axes.plot(data.time, values, color=colour_of, linewidth=1.2, drawstyle="steps-post", label=told)
+        axes.plot(data.time, values, color=colour_of, linewidth=1.2, drawstyle="steps-post", label=name)
     most = max(int((data.existence > 0).sum("slot").max()), 1)
     if bool(data.full.any()):
         axes.axhline(data.sizes["slot"], color=GREY, linestyle="--", linewidth=0.8)
@@ -220,7 +223,7 @@ def _ellipse(place: tuple[float, float], covariance: np.ndarray, edge: str) -> E
 
 
 def _legend(data: xr.Dataset) -> list[Line2D]:
-    found = [
+    handles = [
         Line2D([], [], color=GREY, label="region"),
         Line2D([], [], color=GREY, linestyle=":", label="detectors"),
         Line2D([], [], color="black", marker="s", markersize=5, label="arrays"),
@@ -236,6 +239,6 @@ def _legend(data: xr.Dataset) -> list[Line2D]:
             label=f"{DEVIATIONS:g} standard deviations",
         ),
     ]
-    if "ship" in data.sizes:
-        found.append(Line2D([], [], color="black", linestyle="--", label="truth"))
-    return found
+    if "truth_x" in data:
+        handles.append(Line2D([], [], color="black", linestyle="--", label="truth"))
+    return handles

@@ -1,18 +1,22 @@
-"""Tables of a scenario for several arrays: where they stand, the region that is searched, what their beams report."""
+"""Sections of a scenario for the records of arrays: where they stand, the region searched, what their beams report."""
 
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from faintrack.scenario.array import ArrayDescription, Pair, Table
+from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.array import ArraySection
+from faintrack.scenario.moving import PlanarTargets
+from faintrack.scenario.section import FilePath, Pair, Section
+from faintrack.scenario.sections import AnalysisSection, SeedSection, TargetSection, TrackerSection
 
 Latitude = Annotated[float, Field(ge=-89, le=89)]
 Longitude = Annotated[float, Field(ge=-360, le=360)]
 
 
-class StationTable(Table):
+class StationSection(Section):
     """One array whose bearing-time record is tracked in; see `faintrack.sensors.stations`.
 
     An array by itself, without a region, needs no place: its targets are followed in bearing.
@@ -23,7 +27,7 @@ class StationTable(Table):
     file : name of its record, where the order of the files is not that of the stations.
     x, y : where it stands: metres east and north.
     latitude, longitude : or these; degrees.
-    path : or a CSV file that tells where it moves, see `faintrack.io.stations`; relative to the folder of this file.
+    path : or a CSV file that tells where it moves, see `faintrack.kinds.records.read`; relative to this file.
     line : whether it is a line, which hears 0 to 180 degrees from its axis; otherwise clockwise from north.
     heading_deg : direction of a line's axis; degrees clockwise from north. That of the channels or the path where not
         given.
@@ -39,10 +43,10 @@ class StationTable(Table):
     y: float | None = None
     latitude: Latitude | None = None
     longitude: Longitude | None = None
-    path: str | None = None
+    path: FilePath | None = None
     line: bool | None = None
     heading_deg: float | None = None
-    array: ArrayDescription | None = None
+    array: ArraySection | None = None
     beams_deg: Pair | None = None
     start_time: str | None = None
     clock_offset: float = 0.0
@@ -75,7 +79,7 @@ class StationTable(Table):
         return {**places, "path": (self.path,)}
 
     @model_validator(mode="after")
-    def _shape_is_known(self) -> "StationTable":
+    def _shape_is_known(self) -> "StationSection":
         if self.array is not None:
             given = [name for name in ("line", "beams_deg") if getattr(self, name) is not None]
             if given:
@@ -90,7 +94,7 @@ class StationTable(Table):
         return self.line is not False
 
 
-class RegionTable(Table):
+class RegionSection(Section):
     """Where targets are looked for; see `faintrack.trackers.detectors`.
 
     Attributes
@@ -110,17 +114,17 @@ class RegionTable(Table):
     y: Pair | None = None
     latitude: Annotated[tuple[Latitude, Latitude], Field(strict=False)] | None = None
     longitude: Annotated[tuple[Longitude, Longitude], Field(strict=False)] | None = None
-    cell: float = Field(gt=0)
+    cell: float = Field(gt=0, examples=[50.0])
     detectors: Annotated[
         tuple[Annotated[int, Field(ge=1, le=100)], Annotated[int, Field(ge=1, le=100)]], Field(strict=False)
     ] = (2, 2)
     overlap: float = Field(default=0.25, ge=0, le=0.9)
-    speed: float = Field(gt=0)
+    speed: float = Field(gt=0, examples=[6.0])
     speeds: int = Field(default=7, ge=2, le=99)
     surroundings: float = Field(default=0, ge=0, le=1e6)
 
     @model_validator(mode="after")
-    def _has_ends(self) -> "RegionTable":
+    def _has_ends(self) -> "RegionSection":
         ways = {"x and y": (self.x, self.y), "latitude and longitude": (self.latitude, self.longitude)}
         begun = [way for way, ends in ways.items() if any(end is not None for end in ends)]
         if len(begun) != 1 or None in ways[begun[0]]:
@@ -131,8 +135,13 @@ class RegionTable(Table):
                 raise ValueError(f"{name} goes from {low:g} to {high:g}: expected the lower end first")
         return self
 
+    @property
+    def degrees(self) -> bool:
+        """Whether its ends are latitudes and longitudes."""
+        return self.latitude is not None
 
-class EnergiesTable(Table):
+
+class EnergiesSection(Section):
     """What a beam reports; see `faintrack.likelihoods.beam_energies`.
 
     Attributes
@@ -148,7 +157,7 @@ class EnergiesTable(Table):
     present: Pair | None = None
 
     @model_validator(mode="after")
-    def _louder(self) -> "EnergiesTable":
+    def _louder(self) -> "EnergiesSection":
         (low, spread), (high, wider) = self.levels
         if not spread > 0:
             raise ValueError(f"absent has the standard deviation {spread:g}: expected above 0")
@@ -167,7 +176,7 @@ class EnergiesTable(Table):
         return absent, (mean + 2 * std, std) if self.present is None else self.present
 
 
-class SeveralTable(Table):
+class SeveralSection(TrackerSection):
     """How tracks of several targets come about; see `faintrack.trackers.several`.
 
     Attributes
@@ -189,10 +198,130 @@ class SeveralTable(Table):
     drop: float = Field(default=0.1, gt=0, lt=1)
     margin: int = Field(default=1, ge=0, le=100)
 
+
+class HeardTargetSection(TargetSection):
+    """What is known of targets before any scan.
+
+    Attributes
+    ----------
+    arrival_rate : of a target in one detector; per second.
+    departure_rate : of a present target; per second.
+    velocity_noise : in a region: density of the acceleration along each axis; m/s per root second. Where not given,
+        0.01 `region.speed`.
+    bearing_rate_deg : of an array by itself: new targets turn at most this fast, either way; degrees a second.
+    bearing_rate_noise_deg : the same: density of the bearing acceleration; degrees a second per root second.
+    """
+
+    velocity_noise: float | None = Field(default=None, ge=0)
+    bearing_rate_deg: float = Field(default=0.5, ge=0)
+    bearing_rate_noise_deg: float = Field(default=0.05, ge=0)
+
+
+class SourceSection(Section):
+    """A source that an array by itself hears, which turns evenly, from `start` to `end`.
+
+    Attributes
+    ----------
+    bearing_deg : at `start`; degrees, as the array counts.
+    bearing_rate_deg : degrees a second.
+    start, end : seconds from the first scan; to the last where not given.
+    """
+
+    bearing_deg: float
+    bearing_rate_deg: float = 0.0
+    start: float = Field(default=0.0, ge=0)
+    end: float | None = None
+
     @model_validator(mode="after")
-    def _hysteresis(self) -> "SeveralTable":
-        if not self.drop < self.declare:
-            raise ValueError("drop: expected less than declare")
+    def _lasts(self) -> "SourceSection":
+        if self.end is not None and not self.end > self.start:
+            raise ValueError(f"end is {self.end:g} s: expected more than start, {self.start:g} s")
+        return self
+
+
+class SimulationSection(Section):
+    """Records to draw: energies of every beam, as `energies` says of them.
+
+    Attributes
+    ----------
+    scans : number of them.
+    interval : between scans; s.
+    beam_deg : from beam to beam, over 0 to 180 degrees from the axis of a line and the full circle of others.
+    seed : of the random numbers.
+    targets : what is heard in a region; places of one in degrees are from its middle.
+    sources : what an array by itself hears.
+    """
+
+    scans: int = Field(ge=2, le=1_000_000, examples=[300])
+    interval: float = Field(default=1.0, gt=0)
+    beam_deg: float = Field(default=1.0, ge=0.01, le=90)
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    targets: PlanarTargets = ()
+    sources: Annotated[tuple[SourceSection, ...], Field(strict=False)] = ()
+
+
+class RecordsScenario(Scenario):
+    """What to run with the records, or recordings, of several arrays or of one by itself.
+
+    Attributes
+    ----------
+    stations : the arrays.
+    region : where targets are looked for; an array by itself has none and follows them in bearing.
+    analysis : of recordings: how they become records.
+    """
+
+    kind: Literal["records"] = "records"
+    stations: Annotated[tuple[StationSection, ...], Field(strict=False, min_length=1, examples=[[{"name": "array"}]])]
+    region: RegionSection | None = None
+    energies: EnergiesSection = EnergiesSection()
+    analysis: AnalysisSection = AnalysisSection()
+    target: HeardTargetSection = HeardTargetSection()
+    filter: SeedSection = SeedSection()
+    several: SeveralSection = SeveralSection()
+    simulation: SimulationSection | None = None
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> "RecordsScenario":
+        names = [station.name for station in self.stations]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"two stations have the name {twice!r}: expected different ones")
+        return self
+
+    @model_validator(mode="after")
+    def _places_in_a_region(self) -> "RecordsScenario":
+        if self.region is None:
+            return self
+        right, wrong = "x and y", "latitude and longitude"
+        if self.region.degrees:
+            right, wrong = wrong, right
+        for station in self.stations:
+            station.require_place()
+            if wrong in station.placed:
+                raise ValueError(f"{station.name} has {wrong}, and region has {right}: expected the same for both")
+        return self
+
+    @model_validator(mode="after")
+    def _one_array_without_a_region(self) -> "RecordsScenario":
+        if self.region is not None:
+            return self
+        if len(self.stations) > 1:
+            raise ValueError(f"there are {len(self.stations)} [[stations]] and no [region]: expected both")
+        (alone,) = self.stations
+        given = alone.placed + (["heading_deg"] if alone.heading_deg is not None else [])
+        if given:
+            raise ValueError(f"{alone.name} has {given[0]} and there is no [region]: expected both or neither")
+        return self
+
+    @model_validator(mode="after")
+    def _simulation_is_of_the_region(self) -> "RecordsScenario":
+        if self.simulation is not None:
+            if self.region is None and self.simulation.targets:
+                raise ValueError("simulation.targets are of a region, and there is none: expected simulation.sources")
+            if self.region is not None and self.simulation.sources:
+                raise ValueError(
+                    "simulation.sources are of an array by itself: expected simulation.targets in a region"
+                )
         return self
 
 

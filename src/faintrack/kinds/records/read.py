@@ -1,4 +1,4 @@
-"""Inputs of several arrays: which file is whose, recordings as records, and the paths of arrays that move.
+"""Files of several arrays: which is whose, and the paths of arrays that move.
 
 A path is a CSV file with the time on the clock of the array's record, where the array is, and perhaps how its axis
 lies; between its rows all of them change evenly:
@@ -12,103 +12,71 @@ lies; between its rows all of them change evenly:
 `latitude_deg` and `longitude_deg` stand in place of `x_m` and `y_m` where the scenario is in degrees.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence as Several
 from pathlib import Path
 
 import numpy as np
-from faintrack.kinds.session_stations import beamformed
-from faintrack.scenario.model import Scenario
-from faintrack.scenario.stations import StationTable
 
-from faintrack.data import sequence
-from faintrack.errors import InputError, naming
-from faintrack.io.arrays import match_channels
+from faintrack.data.recording import Recording
+from faintrack.data.sequence import Sequence
+from faintrack.errors import InputError
 from faintrack.io.columns import read_columns
-from faintrack.io.recordings import read
-from faintrack.io.records import holds_record, read_record
-from faintrack.scenario.array import build
-from faintrack.sensors.array import SensorArray
+from faintrack.io.recordings import read as read_recording
+from faintrack.io.records import ENERGY, READERS, TIME, holds_record, read_record
+from faintrack.kinds.records.data import Records
+from faintrack.kinds.records.sections import RecordsScenario, StationSection
 
 PLACES = {"x_m": ("x_m", "y_m"), "latitude_deg": ("latitude_deg", "longitude_deg")}
 """Columns of a path by the first of them."""
 
 
-@dataclass(frozen=True)
-class Inputs:
-    """What is tracked in, as `faintrack.kinds.session_stations.track_records` takes it.
+def holds(path: Path) -> bool:
+    """Whether a file can be nothing but a record: it has energies with bearings, or columns named by bearings.
 
-    Attributes
-    ----------
-    records : one for each station, in their order.
-    paths : of the stations that move, by name.
-    arrays : of the stations whose records were made of recordings, by name.
+    Raises
+    ------
+    InputError : it is damaged.
     """
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            names = [name.strip() for name in file.readline().split(",")]
+        return names[0] == TIME and len(names) > 2 and all(map(_is_number, names[1:]))
+    return suffix in READERS and {ENERGY, "time", "bearing"} <= READERS[suffix](path).keys()
 
-    records: tuple[sequence.Sequence, ...]
-    paths: dict[str, dict[str, np.ndarray]]
-    arrays: dict[str, SensorArray]
 
-
-def open_stations(files: Sequence[str | Path], scenario: Scenario, folder: str | Path = ".") -> Inputs:
+def read(files: tuple[Path, ...], scenario: RecordsScenario | None) -> Records:
     """Open the records or recordings of a scenario's stations.
 
     Parameters
     ----------
     files : one for each station. They are in the order of the stations, or the stations name them. Those of a station
         by itself that has channels are put side by side.
-    scenario : with stations.
-    folder : where the scenario stands; paths and files of positions are relative to it.
+    scenario : with the stations; without it every file is a record.
 
     Raises
     ------
     InputError : more or fewer files than stations, files that no station names, and whatever is wrong with one of them.
     """
-    stations, folder = scenario.stations or (), Path(folder)
-    records, paths, arrays = [], {}, {}
-    for table, mine in zip(stations, _in_order([Path(file) for file in files], stations), strict=True):
-        file = mine[0]
-        if table.path is not None:
-            degrees = scenario.region is not None and scenario.region.latitude is not None
-            paths[table.name] = read_path(folder / table.path, degrees, table.is_line)
-        if holds_record(file):
-            if table.array is not None:
-                raise InputError(f"{file} is a record; expected a recording for station {table.name}, which has array.")
-            records.append(read_record(file, table.beams_deg))
-            continue
-        if table.array is None:
-            raise InputError(
-                f"{file} is no record; expected array with the channels of station {table.name}, if it is a recording."
-            )
-        recording = read(*mine)
-        with naming(f"station {table.name}"):
-            arrays[table.name] = match_channels(build(table.array, folder), recording)
-            records.append(beamformed(recording, arrays[table.name], scenario))
-    return Inputs(tuple(records), paths, arrays)
+    if scenario is None:
+        return Records(tuple(read_record(file) for file in files))
+    stations = scenario.stations
+    pairs = zip(stations, _in_order(list(files), stations), strict=True)
+    return Records(tuple(_read_station(table, mine) for table, mine in pairs))
 
 
-def located(scenario: Scenario, folder: str | Path) -> Scenario:
-    """Scenario whose paths are absolute, so that it runs again from any folder.
-
-    Parameters
-    ----------
-    scenario : with stations.
-    folder : that their paths are relative to.
-
-    Examples
-    --------
-    >>> what = Scenario.model_validate({
-    ...     "stations": [{"name": "towed", "path": "towed.csv"}],
-    ...     "region": {"x": [0, 1000], "y": [0, 1000], "cell": 50.0, "speed": 3.0},
-    ... })
-    >>> located(what, "/data").stations[0].path
-    '/data/towed.csv'
-    """
-    found = tuple(
-        table if table.path is None else table.model_copy(update={"path": str(Path(folder, table.path).resolve())})
-        for table in scenario.stations or ()
-    )
-    return scenario.model_copy(update={"stations": found})
+def _read_station(table: StationSection, files: list[Path]) -> Sequence | Recording:
+    """Record or recording of a station."""
+    file = files[0]
+    if holds_record(file):
+        if table.array is not None:
+            raise InputError(f"{file} is a record; expected a recording for station {table.name}, which has array.")
+        return read_record(file, table.beams_deg)
+    if table.array is None:
+        raise InputError(
+            f"{file} is no record; expected array with the channels of station {table.name}, if it is a recording."
+        )
+    return read_recording(*files)
 
 
 def read_path(path: str | Path, degrees: bool = False, heading: bool = False) -> dict[str, np.ndarray]:
@@ -133,7 +101,7 @@ def read_path(path: str | Path, degrees: bool = False, heading: bool = False) ->
     needed = ("time_s", *PLACES["latitude_deg" if degrees else "x_m"])
     known = (*needed, "heading_deg") if heading else needed
 
-    def require(names: Sequence[str], origin: str) -> None:
+    def require(names: Several[str], origin: str) -> None:
         for name in needed:
             if name not in names:
                 raise InputError(f"{origin}: there is no column {name}; expected {', '.join(needed)}.")
@@ -155,7 +123,7 @@ def read_path(path: str | Path, degrees: bool = False, heading: bool = False) ->
     return columns
 
 
-def _in_order(files: list[Path], stations: tuple[StationTable, ...]) -> list[list[Path]]:
+def _in_order(files: list[Path], stations: tuple[StationSection, ...]) -> list[list[Path]]:
     """Files of each station, in their order."""
     if files and len(stations) == 1 and stations[0].array is not None and stations[0].file is None:
         return [files]
@@ -176,3 +144,11 @@ def _in_order(files: list[Path], stations: tuple[StationTable, ...]) -> list[lis
             )
         found.append(named)
     return found
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

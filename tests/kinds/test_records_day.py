@@ -7,14 +7,16 @@ import pytest
 
 from faintrack.beliefs.axis import Axis
 from faintrack.data.sequence import Sequence
-from faintrack.kinds.session_stations import track_record_blocks
-from faintrack.scenario.model import Scenario
+from faintrack.kinds.loop import advance
+from faintrack.kinds.records.data import from_records
+from faintrack.kinds.records.plan import plan
+from faintrack.kinds.records.sections import RecordsScenario
 
 DAY, PLACES, STEP_DEG = 86_400, (-200.0, 400.0), 3.0
 LEVEL, SPEED, NORTH, RADIUS = 3.0, 2.0, 600.0, 300.0
 STATUS = Path("/proc/self/statm")
-SCENARIO = Scenario.model_validate(
-    {
+SCENARIO = RecordsScenario(
+    **{
         "stations": [
             {"name": name, "x": x, "y": 0.0, "heading_deg": 90.0}
             for name, x in zip(("west", "east"), PLACES, strict=True)
@@ -38,7 +40,7 @@ def record(number: int) -> Sequence:
 
     def read(start: int, stop: int) -> np.ndarray:
         scan = np.arange(start, stop)
-        rows = np.stack([np.random.default_rng((number, each)).normal(size=61) for each in scan])
+        rows = np.stack([np.random.default_rng((number, row)).normal(size=61) for row in scan])
         east, north = place(scan)
         bearing = np.degrees(np.arctan2(north, east - PLACES[number]))
         rows[np.arange(len(scan)), np.round(bearing / STEP_DEG).astype(int)] += LEVEL
@@ -55,9 +57,8 @@ def resident_mib() -> float:
 @pytest.mark.slow
 @pytest.mark.skipif(not STATUS.exists(), reason="memory is read as Linux tells it")
 def test_a_day_takes_no_more_memory_than_its_beginning() -> None:
-    blocks = track_record_blocks((record(0), record(1)), SCENARIO, {}, {})
     early, held, error, scans = 0.0, 0, 0.0, 0
-    for block in blocks:
+    for _, block in advance(plan(from_records((record(0), record(1))), SCENARIO)):
         label = block.label.values > 0
         held += int(label.any(axis=1).sum())
         east, north = place(scans + np.arange(len(label)))
