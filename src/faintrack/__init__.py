@@ -8,12 +8,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from faintrack.data.bearings import Bearings
+    from faintrack.data.bearings import from_columns as from_bearings
     from faintrack.data.recording import Recording, from_samples
+    from faintrack.data.returns import Returns
+    from faintrack.data.returns import from_columns as from_returns
     from faintrack.data.sequence import Sequence, from_frames
     from faintrack.errors import InputError
     from faintrack.io.arrays import read_array
     from faintrack.kinds.calibration import calibrate
     from faintrack.kinds.door import Info, Moment, follow, info, read, read_result, simulate, track
+    from faintrack.kinds.records.data import Records, from_records
     from faintrack.kinds.scenario import Scenario
     from faintrack.results.result import Result
     from faintrack.results.track import Track
@@ -37,26 +42,38 @@ _HOMES = {
     "from_samples": "data.recording",
     "Sequence": "data.sequence",
     "from_frames": "data.sequence",
+    "Returns": "data.returns",
+    "from_returns": "data.returns:from_columns",
+    "Bearings": "data.bearings",
+    "from_bearings": "data.bearings:from_columns",
+    "Records": "kinds.records.data",
+    "from_records": "kinds.records.data",
     "SensorArray": "sensors.array",
     "sensor_array": "sensors.array",
     "line_array": "sensors.array",
     "read_array": "io.arrays",
 }
-"""Module of each public name."""
+"""Module of each public name, and its name there where it is another."""
 
 __all__ = [
+    "Bearings",
     "Info",
     "InputError",
     "Moment",
     "Recording",
+    "Records",
     "Result",
+    "Returns",
     "Scenario",
     "SensorArray",
     "Sequence",
     "Track",
     "calibrate",
     "follow",
+    "from_bearings",
     "from_frames",
+    "from_records",
+    "from_returns",
     "from_samples",
     "info",
     "line_array",
@@ -71,7 +88,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        return getattr(import_module(f"faintrack.{_HOMES[name]}"), name)
+        module, _, own = _HOMES[name].partition(":")
+        return getattr(import_module(f"faintrack.{module}"), own or name)
     raise AttributeError(f"module 'faintrack' has no attribute {name!r}")
 
 
