@@ -108,14 +108,18 @@ def write_blocks(folder: Path, blocks: Iterable[xr.Dataset]) -> None:
         held.clear()
 
     timeless: list[xr.Dataset] = []
+    attributes: dict[Any, Any] = {}
     for block in blocks:
+        if "time" in block.sizes:
+            attributes = block.attrs
         (held if "time" in block.sizes else timeless).append(block)
         if sum(part.sizes["time"] for part in held) >= CHUNK:
             flush()
     if held:
         flush()
     for block in timeless:
-        block.to_zarr(store, mode="a", consolidated=False)
+        # What is added brings attributes that take the place of those of the store.
+        block.assign_attrs(attributes).to_zarr(store, mode="a", consolidated=False)
     zarr.consolidate_metadata(store)
 
 
