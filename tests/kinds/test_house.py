@@ -145,10 +145,10 @@ def test_a_wrong_guess_is_answered(tmp_path: Path) -> None:
     ft.simulate(SCENARIOS["recording"], samples)
     ft.simulate(SCENARIOS["frames"], images)
     text.write_text("nothing")
-    refused("images.npz holds frames", "no section analysis", "--kind", what=images, analysis={"frame": 1.0})
+    refused("images.npz", "unknown kind of file", ".wav", what=images, cfar={"guard": 1})
     refused("images.npz was taken for frames", "--kind", what=images, tracker={"declares": 0.9})
     refused("notes.txt", "the name does not tell what it holds", "recording, frames", what=text)
-    refused("samples.h5", "unknown kind of file", what=samples.rename(tmp_path / "samples.wav2"), kind="recording")
+    refused("samples.film", "unknown kind of file", what=samples.rename(tmp_path / "samples.film"), kind="recording")
     refused("kind is 'film'", "recording, frames", what=images, kind="film")
     refused("recording", "frames", "expected the same", what=data("recording"), kind="frames")
     refused("[array]", "recording", "[cells]", "frames", what=text, array={}, cells={})
@@ -244,6 +244,23 @@ def test_what_is_no_number_scenario_or_data_is_refused(tmp_path: Path) -> None:
     refused("what to track is a int", what=[3])
     refused("expected paths", what=[])
     refused("no array was given", "--array", what=heard)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("line = {count = 4, spacing = 1.5}\nspeed = 1500.0\n", "there is no field speed; did you mean sound_speed?"),
+        ("line = {count = 4, spacing = 1.5}\ndead = ['x']\n", "dead lists 'x'; the channels are 0, 1, 2, 3, or by"),
+        ("line = {count = 1, spacing = 1.5}\n", "line.count is 1: input should be greater than or equal to 2."),
+    ],
+)
+def test_what_is_wrong_in_the_file_of_an_array_names_that_file_once(text: str, names: str, tmp_path: Path) -> None:
+    array = tmp_path / "array.toml"
+    array.write_text(text)
+    with pytest.raises(ft.InputError) as caught:
+        ft.Scenario(kind="recording", array=array)
+    assert str(caught.value).startswith(f"array: {array}: {names}")
+    assert not str(caught.value).endswith("..")
 
 
 def test_numbers_that_stand_in_text_are_refused_in_files_too(tmp_path: Path) -> None:

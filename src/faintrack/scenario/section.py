@@ -84,6 +84,10 @@ def problem(error: ValidationError, model: type[BaseModel] | None = None) -> str
         return f"{field} is missing."
     if first["type"] == "extra_forbidden":
         return f"there is no field {field}{_nearest(model, first['loc'])}"
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, InputError):
+        # Of a file of its own: a whole sentence, which names it.
+        return f"{field}: {cause}"
     known = _KINDS.get(first["type"])
     message = first["msg"].removeprefix("Value error, ") if known is None else known.format(**first.get("ctx", {}))
     message = message[0].lower() + message[1:]
