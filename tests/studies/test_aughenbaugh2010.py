@@ -40,8 +40,8 @@ def test_bins_and_returns_of_clutter_are_the_papers(pulse: str, bins: int, retur
 def test_points_of_one_return_are_the_papers(pulse: str, reduced: bool, points: int) -> None:
     guided = runs.guided(pulse, scene.BASE, reduced)
     middle = [[count // 2 for count in guided.likelihood.sonar.shape]]
-    heard = ping(guided.likelihood.sonar, 0.0, np.array(middle), np.array([20.0]), capacity=2)
-    assert int(guided.samples(heard)) == points
+    one = ping(guided.likelihood.sonar, 0.0, np.array(middle), np.array([20.0]), capacity=2)
+    assert int(guided.samples(one)) == points
 
 
 def test_grids_have_the_papers_cells() -> None:

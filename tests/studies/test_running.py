@@ -21,7 +21,7 @@ from faintrack.errors import InputError
 from faintrack.studies import running
 from faintrack.studies.folder import Folder, open_folder
 from faintrack.studies.running import connect, run_missing
-from faintrack.studies.study import HURRIED, compiled_in_a_hurry, repeat, run_batch
+from faintrack.studies.study import HURRIED, Study, compiled_in_a_hurry, repeat, run_batch
 from tests.cli.calling import call
 from tests.studies.small import WHERE, deadly, study
 
@@ -35,10 +35,10 @@ def client() -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def opened(path: Path, seed: int | None = None, resume: bool = False, **more: Any) -> Iterator[Folder]:
-    with open_folder(
-        path, more.pop("study", study), seed, more.pop("quick", False), more.pop("runs", None), resume
-    ) as at:
+def opened(
+    path: Path, seed: int | None = None, resume: bool = False, study: Study = study, quick: bool = False
+) -> Iterator[Folder]:
+    with open_folder(path, study, seed, quick, None, resume) as at:
         yield at
 
 
@@ -209,7 +209,7 @@ def test_command_line_from_runs_to_rows(tmp_path: Path) -> None:
     assert row["key"] == "farthest_short"
     assert row["interval"] == [None, None]
     assert row["ours"] == pytest.approx(np.mean([repeat(WHERE, "short", run)["farthest"] for run in range(6)]))
-    assert json.loads((path / "rows.json").read_text()) == summary
+    assert json.loads((path / "rows.json").read_text(encoding="utf-8")) == summary
     assert (path / "figure.png").exists()
     again = call("study", "run", WHERE, "--out", path, "--resume")
     assert again.status == 0

@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 from faintrack.beliefs.belief import Belief
 from faintrack.bench.machine import Machine
-from faintrack.bench.rows import Row, timed
+from faintrack.bench.rows import Row, row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import step
@@ -93,20 +93,11 @@ def _row(
     keys = jax.random.split(jax.random.key(1), count)
     timing = timed(lambda: _stepped(filter, means, before, pings, keys), sizes.repeat_seconds).per(count)
     beside = "no peer" if published is None else "peer: as published"
-    return Row(
-        name=name,
-        unit="ms",
-        ours=1e3 * timing.least,
-        peer=None if published is None else 1e3 * published,
-        limit=None,
-        target=target,
-        median=1e3 * timing.median,
-        compile_seconds=timing.compile,
-        note=(
-            f"motion and measurement of one {pulse.upper()} scan on {' x '.join(map(str, filter.grid.shape))} cells, "
-            f"{int(pings.there.sum()) / count:.0f} returns; {how}; {beside}"
-        ),
+    note = (
+        f"motion and measurement of one {pulse.upper()} scan on {' x '.join(map(str, filter.grid.shape))} cells, "
+        f"{int(pings.there.sum()) / count:.0f} returns; {how}; {beside}"
     )
+    return row(name, "ms", timing, note, target, published)
 
 
 @eqx.filter_jit

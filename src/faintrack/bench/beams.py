@@ -8,7 +8,7 @@ import numpy as np
 from faintrack.bench.acoular_peer import acoular_seconds
 from faintrack.bench.beam_problem import FRAMES, SNAPSHOTS, draw_frames, plan_of
 from faintrack.bench.machine import Machine, beam_operations
-from faintrack.bench.rows import Row, timed
+from faintrack.bench.rows import Row, row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.sensors.beams import steering
 from faintrack.signal.beamformer import Beamformer
@@ -21,28 +21,19 @@ def beam_power_acoular(machine: Machine, sizes: Sizes) -> Row:
     on_device, usable, middle = jnp.asarray(frames), jnp.ones((FRAMES, sizes.channels), bool), jnp.arange(float(FRAMES))
     scan = eqx.filter_jit(plan.scan)
     timing = timed(lambda: scan(middle, on_device, usable), sizes.repeat_seconds).per(FRAMES)
-    theirs = acoular_seconds(sizes)
-    peer = None if theirs is None else 1e3 * theirs
+    peer = acoular_seconds(sizes)
     beside = (
         "Acoular is not installed"
         if peer is None
         else "peer: Acoular in an interpreter of its own, one frame at a time, cross spectra and steering in its time"
     )
-    return Row(
-        name="beam_power_acoular",
-        unit="ms",
-        ours=1e3 * timing.least,
-        peer=peer,
-        limit=1e3 * machine.seconds(_operations(plan, sizes)),
-        target=peer,
-        median=1e3 * timing.median,
-        compile_seconds=timing.compile,
-        note=(
-            f"samples to beam power, a frame of {SNAPSHOTS} snapshots, {plan.grid.frequency.size} frequencies, "
-            f"{sizes.beams} beams, {sizes.channels} channels, blocks of {FRAMES} frames, steering at hand; {beside}; "
-            "limit: beam sums at the rate of a large matrix product"
-        ),
+    note = (
+        f"samples to beam power, a frame of {SNAPSHOTS} snapshots, {plan.grid.frequency.size} frequencies, "
+        f"{sizes.beams} beams, {sizes.channels} channels, blocks of {FRAMES} frames, steering at hand; {beside}; "
+        "limit: beam sums at the rate of a large matrix product"
     )
+    target = None if peer is None else 1e3 * peer
+    return row("beam_power_acoular", "ms", timing, note, target, peer, machine.seconds(_operations(plan, sizes)))
 
 
 def beam_power_numpy(machine: Machine, sizes: Sizes) -> Row:
@@ -60,20 +51,11 @@ def beam_power_numpy(machine: Machine, sizes: Sizes) -> Row:
         return power.reshape(*power.shape[:2], FRAMES, SNAPSHOTS).sum(axis=-1)
 
     peer = timed(theirs, sizes.repeat_seconds).least / FRAMES
-    return Row(
-        name="beam_power_numpy",
-        unit="ms",
-        ours=1e3 * timing.least,
-        peer=1e3 * peer,
-        limit=1e3 * machine.seconds(_operations(plan, sizes)),
-        target=1e3 * peer,
-        median=1e3 * timing.median,
-        compile_seconds=timing.compile,
-        note=(
-            f"spectra to beam power, a frame's share of {FRAMES}, sizes as above; peer: numpy.matmul in complex64 and "
-            "the sum of squares, its columns already in order; limit: as above"
-        ),
+    note = (
+        f"spectra to beam power, a frame's share of {FRAMES}, sizes as above; peer: numpy.matmul in complex64 and "
+        "the sum of squares, its columns already in order; limit: as above"
     )
+    return row("beam_power_numpy", "ms", timing, note, 1e3 * peer, peer, machine.seconds(_operations(plan, sizes)))
 
 
 def _operations(plan: Beamformer, sizes: Sizes) -> float:

@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from faintrack.beliefs.belief import Belief
 from faintrack.bench.machine import Machine
-from faintrack.bench.rows import Row, Timing, timed
+from faintrack.bench.rows import Row, Timing, row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import step
@@ -151,21 +151,12 @@ def _row(name: str, timing: Timing, what: str, times_faster: float, machine: Mac
     """Row with Stone Soup timed beside."""
     particles, births = sizes.bearing_particles, sizes.bearing_births
     theirs = stone_soup_step(particles, births)
-    peer = None if theirs is None else 1e3 * timed(theirs, sizes.repeat_seconds).least
+    peer = None if theirs is None else timed(theirs, sizes.repeat_seconds).least
     beside = "Stone Soup is not installed" if peer is None else "peer: Stone Soup's Bernoulli particle filter"
     # Four numbers move or start a particle.
     limit = machine.seconds(normals=4 * (particles + births))
-    return Row(
-        name=name,
-        unit="ms",
-        ours=1e3 * timing.least,
-        peer=peer,
-        limit=1e3 * limit,
-        target=None if peer is None else peer / times_faster,
-        median=1e3 * timing.median,
-        compile_seconds=timing.compile,
-        note=(
-            f"resample, predict and update with {particles} + {births} particles and {len(BEARINGS)} bearings, {what}; "
-            f"{beside}; limit: its random numbers, drawn at once"
-        ),
+    note = (
+        f"resample, predict and update with {particles} + {births} particles and {len(BEARINGS)} bearings, {what}; "
+        f"{beside}; limit: its random numbers, drawn at once"
     )
+    return row(name, "ms", timing, note, None if peer is None else 1e3 * peer / times_faster, peer, limit)

@@ -15,7 +15,7 @@ import numpy as np
 from faintrack.beliefs.axis import Axis
 from faintrack.beliefs.grids import Grid
 from faintrack.bench.machine import Machine
-from faintrack.bench.rows import Row, timed
+from faintrack.bench.rows import Row, row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.adi import alternating_directions
 from faintrack.filters.grid import Transport
@@ -43,24 +43,15 @@ def implicit_step_4d(machine: Machine, sizes: Sizes) -> Row:
     theirs = point_mass_step(sizes.peer_cells)
     peer = None
     if theirs is not None:
-        peer = 1e3 * timed(theirs, sizes.repeat_seconds).least * cells / sizes.peer_cells**4
+        peer = timed(theirs, sizes.repeat_seconds).least * cells / sizes.peer_cells**4
     beside = (
         "Stone Soup is not installed" if peer is None else "peer: Stone Soup's point-mass prediction, as many cells"
     )
-    return Row(
-        name="implicit_step_4d",
-        unit="ms",
-        ours=1e3 * timing.least,
-        peer=peer,
-        limit=1e3 * _once_over(log_weights, sizes),
-        target=20.0,
-        median=1e3 * timing.median,
-        compile_seconds=timing.compile,
-        note=(
-            f"alternating-direction step of {sizes.detectors} x {' x '.join(map(str, grid.shape))} cells, logarithms "
-            f"included; {beside}; limit: every weight read and written once"
-        ),
+    note = (
+        f"alternating-direction step of {sizes.detectors} x {' x '.join(map(str, grid.shape))} cells, logarithms "
+        f"included; {beside}; limit: every weight read and written once"
     )
+    return row("implicit_step_4d", "ms", timing, note, 20.0, peer, once_over(log_weights, sizes))
 
 
 def separable_step_base(machine: Machine, sizes: Sizes) -> Row:
@@ -80,27 +71,18 @@ def _separable(name: str, places: int, rates: int, target: float, sizes: Sizes) 
     carried = jax.jit(_carry(separable(grid, PlanarMotion(SHIP_NOISE), SLOW_SCANS)))
     log_weights = jnp.full(grid.shape, -np.log(grid.size), jnp.float32)
     timing = timed(lambda: carried(log_weights, jnp.array(SLOW_SCANS)), sizes.repeat_seconds)
-    return Row(
-        name=name,
-        unit="ms",
-        ours=1e3 * timing.least,
-        peer=None,
-        limit=1e3 * _once_over(log_weights, sizes),
-        target=target,
-        median=1e3 * timing.median,
-        compile_seconds=timing.compile,
-        note=(
-            f"separable kernels on {' x '.join(map(str, grid.shape))} cells, logarithms included; no peer; limit: "
-            "every weight read and written once"
-        ),
+    note = (
+        f"separable kernels on {' x '.join(map(str, grid.shape))} cells, logarithms included; no peer; limit: "
+        "every weight read and written once"
     )
+    return row(name, "ms", timing, note, target, limit=once_over(log_weights, sizes))
 
 
 def _carry(transport: Transport) -> Callable[[Any, Any], Any]:
     return lambda log_weights, end: transport.carry(log_weights, jnp.zeros(()), end, jax.random.key(0))
 
 
-def _once_over(values: Any, sizes: Sizes) -> float:
+def once_over(values: Any, sizes: Sizes) -> float:
     """Seconds to read and write an array once."""
     doubled = jax.jit(lambda values: 2 * values)
     return timed(lambda: doubled(values), sizes.repeat_seconds).least

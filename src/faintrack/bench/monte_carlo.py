@@ -1,5 +1,6 @@
 """Simulated runs of scenario I of bosser2022, on workers as a study runs them: draw spectra, form beams, filter."""
 
+import dataclasses
 import math
 
 import jax
@@ -9,7 +10,7 @@ from jaxtyping import Array, Float
 
 from faintrack.beliefs.belief import Belief
 from faintrack.bench.machine import Machine, beam_operations
-from faintrack.bench.rows import Row, Timing, timed
+from faintrack.bench.rows import Row, Timing, row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import step
@@ -36,29 +37,22 @@ def scenario1_run_step(machine: Machine, sizes: Sizes) -> Row:
         workers = list(client.scheduler_info()["workers"])
         futures = [client.submit(run_batches, sizes, workers=[worker], pure=False) for worker in workers]
         timings = [future.result() for future in futures]
-    # All workers compute at once, so each takes its share of the machine.
-    share = 1e3 / (len(workers) * RUNS * sizes.steps)
+    least, median, compiling = zip(*map(dataclasses.astuple, timings), strict=True)
+    timing = Timing(float(np.mean(least)), float(np.mean(median)), max(compiling))
     frequencies = SAMPLES // 2 - 1
     limit = machine.seconds(
         beam_operations(frequencies, sizes.beams, sizes.channels, columns=1),
         2 * frequencies * sizes.channels + 3 * (sizes.particles + sizes.births),
     )
-    return Row(
-        name="scenario1_run_step",
-        unit="ms",
-        ours=share * float(np.mean([timing.least for timing in timings])),
-        peer=None,
-        limit=1e3 * limit,
-        target=0.3,
-        median=share * float(np.mean([timing.median for timing in timings])),
-        compile_seconds=max(timing.compile for timing in timings),
-        note=(
-            f"one scan of one run of bosser2022, scenario I: {sizes.channels} channels, {SAMPLES} samples, "
-            f"{sizes.beams} beams, {sizes.particles} + {sizes.births} particles, spectra drawn in its time; {RUNS} runs"
-            f" of {sizes.steps} scans side by side in each of {len(workers)} workers of one thread, as in a study; no "
-            "peer; limit: its random numbers drawn at once and beam sums at the rate of a large matrix product"
-        ),
+    note = (
+        f"one scan of one run of bosser2022, scenario I: {sizes.channels} channels, {SAMPLES} samples, "
+        f"{sizes.beams} beams, {sizes.particles} + {sizes.births} particles, spectra drawn in its time; {RUNS} runs"
+        f" of {sizes.steps} scans side by side in each of {len(workers)} workers of one thread, as in a study; no "
+        "peer; limit: its random numbers drawn at once and beam sums at the rate of a large matrix product"
     )
+    # All workers compute at once, so each takes its share of the machine.
+    share = len(workers) * RUNS * sizes.steps
+    return row("scenario1_run_step", "ms", timing.per(share), note, 0.3, limit=limit)
 
 
 def run_batches(sizes: Sizes) -> Timing:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 
 from faintrack.beliefs.axis import Axis
 from faintrack.bench.machine import Machine
-from faintrack.bench.rows import Row, timed
+from faintrack.bench.rows import Row, row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import step
@@ -38,17 +38,8 @@ def pixel_frame(machine: Machine, sizes: Sizes) -> Row:
     stepped = jax.jit(lambda belief, scan, key: step(filter, likelihood, belief, scan, key))
     timing = timed(lambda: stepped(belief, scan, key), sizes.repeat_seconds)
     drawn = 4 * (particles + births)
-    return Row(
-        name="pixel_frame",
-        unit="ms",
-        ours=1e3 * timing.least,
-        peer=None,
-        limit=1e3 * machine.seconds(normals=drawn),
-        target=1e3 / FRAME_RATE,
-        median=1e3 * timing.median,
-        compile_seconds=timing.compile,
-        note=(
-            f"{sizes.pixels} x {sizes.pixels} pixels, {particles} + {births} particles, point spread over "
-            f"{2 * REACH + 1} pixels; no peer; limit: its random numbers, drawn at once"
-        ),
+    note = (
+        f"{sizes.pixels} x {sizes.pixels} pixels, {particles} + {births} particles, point spread over "
+        f"{2 * REACH + 1} pixels; no peer; limit: its random numbers, drawn at once"
     )
+    return row("pixel_frame", "ms", timing, note, 1e3 / FRAME_RATE, limit=machine.seconds(normals=drawn))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from faintrack.bench.machine import Machine, beam_operations
-from faintrack.bench.rows import Row, timed
+from faintrack.bench.rows import Row, row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.data.recording import from_samples
 from faintrack.kinds.beamforming import build_beamformer
@@ -33,18 +33,9 @@ def track_55ch_realtime(machine: Machine, sizes: Sizes) -> Row:
     operations = beam_operations(grid.frequency.size, grid.beams, channels, grid.snapshots)
     # Bearing and SNR take three normal numbers a particle.
     limit = duration * machine.seconds(operations, 3 * (sizes.particles + sizes.births))
-    return Row(
-        name="track_55ch_realtime",
-        unit="s",
-        ours=timing.least,
-        peer=float(duration),
-        limit=limit,
-        target=duration / 50,
-        median=timing.median,
-        compile_seconds=timing.compile,
-        note=(
-            f"{duration} s of {channels} channels at {SAMPLE_RATE:g} Hz in memory, 1 s frames, {sizes.beams} beams, "
-            f"{sizes.particles} + {sizes.births} particles; peer: real time; limit: beam sums at the rate of a large "
-            "matrix product and random numbers drawn at once, nothing else"
-        ),
+    note = (
+        f"{duration} s of {channels} channels at {SAMPLE_RATE:g} Hz in memory, 1 s frames, {sizes.beams} beams, "
+        f"{sizes.particles} + {sizes.births} particles; peer: real time; limit: beam sums at the rate of a large "
+        "matrix product and random numbers drawn at once, nothing else"
     )
+    return row("track_55ch_realtime", "s", timing, note, duration / 50, float(duration), limit)

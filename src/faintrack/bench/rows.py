@@ -52,15 +52,37 @@ class Row:
 
 @dataclasses.dataclass(frozen=True)
 class Timing:
-    """Seconds that a call took, at least and in the median, and how much longer the first time, when it compiles."""
+    """Seconds that a call took, at least and in the median, and how much longer the first time, where it compiles."""
 
     least: float
     median: float
-    compile: float
+    compile: float | None
 
     def per(self, count: int) -> "Timing":
         """Share of one among `count` that a call does; compiling is done once for all."""
         return Timing(self.least / count, self.median / count, self.compile)
+
+
+def row(
+    name: str,
+    unit: str,
+    timing: Timing,
+    note: str,
+    target: float | None,
+    peer: float | None = None,
+    limit: float | None = None,
+) -> Row:
+    """Row of a call.
+
+    Parameters
+    ----------
+    name, unit, note, target : as in `Row`; the unit is s or ms.
+    timing : of ours.
+    peer, limit : seconds.
+    """
+    scale = {"s": 1.0, "ms": 1e3}[unit]
+    peer, limit = (None if seconds is None else scale * seconds for seconds in (peer, limit))
+    return Row(name, unit, scale * timing.least, peer, limit, target, scale * timing.median, timing.compile, note)
 
 
 def timed(call: Callable[[], Any], seconds: float) -> Timing:

@@ -1,5 +1,6 @@
 """How long a person waits in the shell."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -7,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from faintrack.bench.machine import Machine
-from faintrack.bench.rows import Row, timed
+from faintrack.bench.rows import Row, row, timed
 from faintrack.bench.sizes import Sizes
 
 TENET = """
@@ -50,7 +51,7 @@ def tenet_seconds(machine: Machine, sizes: Sizes) -> Row:
     """The TENET example of stone2002, 61 x 61 pixels and 100,000 points, once compiled, in a fresh interpreter."""
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / "tenet.py"
-        script.write_text(TENET)
+        script.write_text(TENET, encoding="utf-8")
         return _row("tenet_seconds", [str(script)], sizes, target=4.0, kept=folder)
 
 
@@ -63,17 +64,10 @@ def _row(name: str, arguments: list[str], sizes: Sizes, target: float = 0.5, kep
     def python(*arguments: str) -> None:
         subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=environment)
 
-    said = " ".join(Path(each).name for each in arguments)
+    command = " ".join(Path(argument).name for argument in arguments)
     timing = timed(lambda: python(*arguments), sizes.repeat_seconds)
     bare = timed(lambda: python("-c", "pass"), sizes.repeat_seconds)
-    return Row(
-        name=name,
-        unit="s",
-        ours=timing.least,
-        peer=None,
-        limit=bare.least,
-        target=target,
-        median=timing.median,
-        compile_seconds=None if kept is None else timing.compile,
-        note=f"python {said}, files read before; no peer; limit: an interpreter that does nothing",
-    )
+    if kept is None:
+        timing = dataclasses.replace(timing, compile=None)
+    note = f"python {command}, files read before; no peer; limit: an interpreter that does nothing"
+    return row(name, "s", timing, note, target, limit=bare.least)

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from faintrack.bench.machine import Machine
-from faintrack.bench.rows import Row
+from faintrack.bench.rows import Row, Timing, row
 from faintrack.bench.sizes import Sizes
 
 TARGET_SECONDS = 20.0
@@ -22,17 +22,8 @@ def study_seconds(machine: Machine, sizes: Sizes) -> Row:
         start = time.perf_counter()
         subprocess.run([*command, "--out", str(Path(folder) / "out")], env=fresh, check=True, capture_output=True)
         seconds = time.perf_counter() - start
-    return Row(
-        name="study_seconds",
-        unit="s",
-        ours=seconds,
-        peer=None,
-        limit=None,
-        target=TARGET_SECONDS,
-        median=seconds,
-        compile_seconds=None,
-        note=(
-            f"`faintrack study run {sizes.study} --quick` once, from the shell with nothing compiled before: "
-            "imports, compilation, runs, intervals and figures; no peer"
-        ),
+    note = (
+        f"`faintrack study run {sizes.study} --quick` once, from the shell with nothing compiled before: "
+        "imports, compilation, runs, intervals and figures; no peer"
     )
+    return row("study_seconds", "s", Timing(seconds, seconds, None), note, TARGET_SECONDS)

@@ -18,6 +18,8 @@ from faintrack.studies.study import Row
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 BLACK = "#000000"
+COLOURS = BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY
+"""Of curves one after the other."""
 
 Panel = tuple[str, dict[str, Any], Callable[[Axes], None]]
 """Title, options of its axes (such as a projection), and what draws it."""
@@ -25,7 +27,7 @@ Panel = tuple[str, dict[str, Any], Callable[[Axes], None]]
 
 def picture(
     path: Path,
-    draw: Callable[[np.ndarray], None],
+    draw: Callable[..., None],
     size: tuple[float, float],
     lines: int = 1,
     columns: int = 1,
@@ -37,14 +39,14 @@ def picture(
     Parameters
     ----------
     path : of the picture, a PNG file.
-    draw : takes the axes, shape (line, column).
+    draw : takes the axes, line by line.
     size : width and height; inches.
     lines, columns : of axes.
     dpi : dots an inch.
     shared : which axes share their ends, as `matplotlib.figure.Figure.subplots` takes it.
     """
     figure = Figure(figsize=size, layout="constrained")
-    draw(figure.subplots(lines, columns, squeeze=False, **shared))
+    draw(*figure.subplots(lines, columns, squeeze=False, **shared).flat)
     return _keep(figure, path, dpi)
 
 

@@ -144,6 +144,12 @@ def finished(results: Results, name: str) -> xr.Dataset | None:
     return data if data.sizes["run"] else None
 
 
+def ran(results: Results, names: Mapping[Any, str]) -> dict[Any, xr.Dataset]:
+    """Runs of those settings that have any, by whatever their names are given by."""
+    settings = {of: finished(results, name) for of, name in names.items()}
+    return {of: data for of, data in settings.items() if data is not None}
+
+
 def load(where: str) -> Study:
     """Study by its name, or by `module:attribute`, the module installed or in the folder that one stands in.
 

@@ -1,5 +1,6 @@
 """The paper's figures 4 to 12, drawn from the runs."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ def figures(results: Results, folder: Path) -> list[Path]:
     reduced = {pulse: _ran(results, pulse, ("guided", "reduced")) for pulse in PULSES}
     if all("reduced" in methods for methods in reduced.values()):
         path = folder / "figure_12.png"
-        drawn.append(picture(path, lambda axes: _sensitivity(axes[0], reduced), (11, 3.6), columns=2, sharey=True))
+        drawn.append(picture(path, lambda *axes: _sensitivity(axes, reduced), (11, 3.6), columns=2, sharey=True))
     beyond = _ran(results, "fm", ("guided", *BEYOND))
     if len(beyond) > 1:
         drawn.append(_four(folder / "beyond.png", "fm", beyond))
@@ -67,22 +68,22 @@ def _four(path: Path, pulse: str, methods: dict[str, xr.Dataset]) -> Path:
     runs = min(data.sizes["run"] for data in methods.values())
     title = f"{pulse.upper()}, {runs} runs or more a method; grey: not in view; dotted: corner of a base cell"
 
-    def draw(axes: np.ndarray) -> None:
-        for axis, (label, read, top) in zip(axes.ravel(), panels, strict=True):
+    def draw(*axes: Axes) -> None:
+        for axis, (label, read, top) in zip(axes, panels, strict=True):
             for method, data in methods.items():
                 _line(axis, method, read(data))
             _shade(axis, pulse)
             finish(axis, ylabel=label, ylim=(0, top))
-        for above, below in axes.T:
+        for above, below in zip(axes[:2], axes[2:], strict=True):
             above.axhline(cell / 2**0.5, color="#555555", linewidth=0.8, linestyle=":")
             below.set_xlabel("scan")
-        axes[0, 0].figure.suptitle(title, fontsize=10)
-        legend_below(axes[0, 0], 3, fontsize=8)
+        axes[0].figure.suptitle(title, fontsize=10)
+        legend_below(axes[0], 3, fontsize=8)
 
     return picture(path, draw, (11, 7.4), 2, 2, sharex=True)
 
 
-def _sensitivity(axes: np.ndarray, pulses: dict[str, dict[str, xr.Dataset]]) -> None:
+def _sensitivity(axes: Sequence[Axes], pulses: dict[str, dict[str, xr.Dataset]]) -> None:
     """Position error with the published swath and with a smaller one."""
     for axis, (pulse, methods) in zip(axes, pulses.items(), strict=True):
         for method, data in methods.items():

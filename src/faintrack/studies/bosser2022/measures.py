@@ -15,7 +15,7 @@ from faintrack.metrics.thresholds import Stratum, Threshold, counted_threshold
 from faintrack.simulation.model import birth_probability
 from faintrack.studies.bosser2022.scene import APPEARS, LOBE, METHODS, NOISE_SCANS, SCANS, make_filter
 from faintrack.studies.bosser2022.settings import SNR_DB, scenario_name
-from faintrack.studies.study import Results, finished
+from faintrack.studies.study import Results, ran
 
 FALSE_TRACK_PROBABILITY = 1e-3
 """In 180 scans of noise."""
@@ -66,8 +66,7 @@ def strata(results: Results) -> dict[str, list[Stratum]]:
 
 def scenario_one(results: Results) -> dict[int, xr.Dataset]:
     """Runs of scenario I by their SNR, of those that have run."""
-    ran = {snr_db: finished(results, scenario_name(snr_db)) for snr_db in SNR_DB}
-    return {snr_db: data for snr_db, data in ran.items() if data is not None}
+    return ran(results, {snr_db: scenario_name(snr_db) for snr_db in SNR_DB})
 
 
 def best_odds(data: xr.Dataset) -> Float[np.ndarray, "run method"]:

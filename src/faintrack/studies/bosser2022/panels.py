@@ -5,25 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 from jaxtyping import Bool
 from matplotlib.axes import Axes
 from scipy.special import expit, logit
 
 from faintrack.metrics.accuracy import rmse
 from faintrack.metrics.thresholds import declaration_probability
-from faintrack.studies.bosser2022.measures import (
-    FALSE_TRACK_PROBABILITY,
-    LABELS,
-    PRESENT,
-    at_detection,
-    best_odds,
-    detected,
-    levels,
-    ospa,
-    scenario_one,
-    strata,
-)
+from faintrack.studies.bosser2022 import measures
+from faintrack.studies.bosser2022.measures import FALSE_TRACK_PROBABILITY, LABELS, PRESENT
 from faintrack.studies.bosser2022.scene import LOBE, METHODS, approach_snr_db
 from faintrack.studies.bosser2022.settings import SNR_DB, scenario_name
 from faintrack.studies.panels import BLACK, BLUE, ORANGE, PURPLE, draw_share, picture
@@ -35,6 +24,9 @@ MARKERS = {"wgsml": "o", "lwl": "s", "cfar": "^", "integrated": "D"}
 FEW = 10
 """Runs that have to detect the target for an error to be drawn."""
 
+IN_APPROACH = np.ones(len(approach_snr_db()), bool)
+"""Scans of scenario II with a target: all."""
+
 Levels = dict[str, float]
 
 
@@ -42,30 +34,25 @@ def figures(results: Results, folder: Path) -> list[Path]:
     """Figures of the paper by its numbers; those of settings that have not run are left out."""
     if finished(results, "noise") is None:
         return []
-    level = levels(results)
-    pictures = {
+    pictures: dict[str, tuple[str, Callable[..., None]]] = {
         "figure_2a": ("noise", _detection),
-        "figure_2b": (scenario_name(-27), _ospa_appearing),
+        "figure_2b": (scenario_name(-27), functools.partial(_ospa, setting=scenario_name(-27), present=PRESENT)),
         "figure_2c": ("noise", _bearing),
         "figure_3a": ("approach", _approach),
-        "figure_3b": ("approach", _ospa_approaching),
+        "figure_3b": ("approach", functools.partial(_ospa, setting="approach", present=IN_APPROACH)),
         "thresholds": ("noise", _thresholds),
     }
-    drawn = []
-    for name, (setting, draw) in pictures.items():
-        if finished(results, setting) is not None:
-            draw_one = functools.partial(_alone, draw=draw, results=results, level=level)
-            drawn.append(picture(folder / f"{name}.png", draw_one, (6.4, 4.2), dpi=120))
-    return drawn
-
-
-def _alone(axes: np.ndarray, draw: Callable[[Axes, Results, Levels], None], results: Results, level: Levels) -> None:
-    draw(axes[0, 0], results, level)
+    given = {"results": results, "level": measures.levels(results)}
+    return [
+        picture(folder / f"{name}.png", functools.partial(draw, **given), (6.4, 4.2), dpi=120)
+        for name, (setting, draw) in pictures.items()
+        if finished(results, setting) is not None
+    ]
 
 
 def _detection(axis: Axes, results: Results, level: Levels) -> None:
     """Share of runs detected against the SNR."""
-    best = {snr_db: best_odds(data) for snr_db, data in scenario_one(results).items()}
+    best = {snr_db: measures.best_odds(data) for snr_db, data in measures.scenario_one(results).items()}
     runs = np.array([len(odds) for odds in best.values()])
     for column, method in enumerate(METHODS):
         hits = np.array([np.sum(odds[:, column] > level[method]) for odds in best.values()])
@@ -77,9 +64,9 @@ def _detection(axis: Axes, results: Results, level: Levels) -> None:
 
 def _bearing(axis: Axes, results: Results, level: Levels) -> None:
     """Error of the bearing at detection against the SNR, and what the tracker takes it to be."""
-    ran = scenario_one(results)
+    ran = measures.scenario_one(results)
     for method in METHODS:
-        first = {snr_db: at_detection(data, method, level[method]) for snr_db, data in ran.items()}
+        first = {snr_db: measures.at_detection(data, method, level[method]) for snr_db, data in ran.items()}
         points = [
             (snr_db, np.degrees(rmse(errors)), np.degrees(rmse(stds)))
             for snr_db, (errors, stds) in first.items()
@@ -95,19 +82,11 @@ def _bearing(axis: Axes, results: Results, level: Levels) -> None:
     axis.legend(title="dashed: told by the tracker")
 
 
-def _ospa_appearing(axis: Axes, results: Results, level: Levels) -> None:
-    """Mean OSPA of scenario I at -27 dB against time."""
-    _ospa(axis, results(scenario_name(-27)), level, PRESENT)
-
-
-def _ospa_approaching(axis: Axes, results: Results, level: Levels) -> None:
-    """Mean OSPA of scenario II against time."""
-    _ospa(axis, results("approach"), level, np.ones(len(approach_snr_db()), bool))
-
-
-def _ospa(axis: Axes, data: xr.Dataset, level: Levels, present: Bool[np.ndarray, " scan"]) -> None:
+def _ospa(axis: Axes, results: Results, level: Levels, setting: str, present: Bool[np.ndarray, " scan"]) -> None:
+    """Mean OSPA against time."""
+    data = results(setting)
     for method in METHODS:
-        mean = np.degrees(ospa(data, method, level[method], present).mean(axis=0))
+        mean = np.degrees(measures.ospa(data, method, level[method], present).mean(axis=0))
         axis.plot(np.arange(1, len(mean) + 1), mean, color=COLOURS[method], label=LABELS[method])
     axis.set(xlabel="time (s)", ylabel="mean OSPA, cutoff 180 (degree)")
     axis.legend()
@@ -117,7 +96,7 @@ def _approach(axis: Axes, results: Results, level: Levels) -> None:
     """Share of runs of scenario II that are detected by an SNR."""
     data = results("approach")
     for method in METHODS:
-        share = np.maximum.accumulate(detected(data, method, level[method]), axis=1).mean(axis=0)
+        share = np.maximum.accumulate(measures.detected(data, method, level[method]), axis=1).mean(axis=0)
         axis.plot(approach_snr_db(), share, color=COLOURS[method], label=LABELS[method])
     axis.axhline(0.5, color="0.7", lw=0.8)
     axis.set(xlabel="SNR at the earliest detection (dB)", ylabel="share of runs detected", ylim=(0, 1.02))
@@ -132,7 +111,7 @@ def _thresholds(axis: Axes, results: Results, level: Levels) -> None:
         seen = hits > 0
         label = f"{LABELS[method]}, counted"
         draw_share(axis, odds[seen], hits[seen], len(highest), COLOURS[method], label=label)
-    for method, drawn in strata(results).items():
+    for method, drawn in measures.strata(results).items():
         value = np.array([declaration_probability(drawn, float(expit(at)))[0] for at in odds])
         axis.plot(odds, value, color=COLOURS[method], ls="--", label=f"{LABELS[method]}, Wald")
     axis.axhline(FALSE_TRACK_PROBABILITY, color="0.7", lw=0.8)

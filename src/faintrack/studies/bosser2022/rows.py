@@ -11,20 +11,8 @@ from faintrack.errors import InputError
 from faintrack.metrics.accuracy import rmse
 from faintrack.metrics.intervals import quantile_interval
 from faintrack.metrics.thresholds import Stratum, Threshold, wald_threshold
-from faintrack.studies.bosser2022.measures import (
-    FALSE_TRACK_PROBABILITY,
-    LABELS,
-    PRESENT,
-    at_detection,
-    best_odds,
-    birth_share,
-    detected,
-    levels,
-    ospa,
-    scenario_one,
-    strata,
-    thresholds,
-)
+from faintrack.studies.bosser2022 import measures
+from faintrack.studies.bosser2022.measures import FALSE_TRACK_PROBABILITY, LABELS, PRESENT
 from faintrack.studies.bosser2022.runs import VARIANTS
 from faintrack.studies.bosser2022.scene import APPEARS, METHODS, approach_snr_db
 from faintrack.studies.printed import PRINTED
@@ -36,7 +24,7 @@ def rows(results: Results) -> list[Row]:
     """The study's numbers; a setting that has not run leaves its rows out."""
     if finished(results, "noise") is None:
         return []
-    level, ran = levels(results), scenario_one(results)
+    level, ran = measures.levels(results), measures.scenario_one(results)
     ours = [*_thresholds(results), *_detection(results, ran)]
     if -27 in ran:
         ours.append(_lag(ran[-27], level))
@@ -62,9 +50,9 @@ def _thresholds(results: Results) -> list[Row]:
     """By counting, and by Wald's identity."""
     ours = [
         _threshold(f"threshold_{method}", f"threshold on existence, by counting, {LABELS[method]}", threshold)
-        for method, threshold in thresholds(results).items()
+        for method, threshold in measures.thresholds(results).items()
     ]
-    for method, drawn in strata(results).items():
+    for method, drawn in measures.strata(results).items():
         # Few runs may not reach so rare a threshold.
         with contextlib.suppress(InputError):
             threshold = wald_threshold(drawn, FALSE_TRACK_PROBABILITY)
@@ -75,7 +63,8 @@ def _thresholds(results: Results) -> list[Row]:
 
 def _detection(results: Results, ran: dict[int, xr.Dataset]) -> list[Row]:
     """SNR at which half of the runs are detected, and what not knowing the noise costs of it."""
-    drawn = dict(zip(METHODS, _drawn_snr50(results, {snr_db: best_odds(ran[snr_db]) for snr_db in ran}).T, strict=True))
+    best = {snr_db: measures.best_odds(data) for snr_db, data in ran.items()}
+    drawn = dict(zip(METHODS, _drawn_snr50(results, best).T, strict=True))
     half = "SNR at which half of the runs are detected"
     cost = drawn["integrated"] - drawn["wgsml"]
     return [
@@ -131,19 +120,19 @@ def _lag(data: xr.Dataset, level: dict[str, float]) -> Row:
         times = [np.interp(-values, -curve, np.arange(len(curve))) for curve in curves]
         return float(np.max(times[1] - times[0]))
 
-    early, late = (ospa(data, method, level[method], PRESENT) for method in ("wgsml", "lwl"))
+    early, late = (measures.ospa(data, method, level[method], PRESENT) for method in ("wgsml", "lwl"))
     return bootstrapped(
         "ospa_lag_lwl_s", "most that LWL lags behind WGSML in mean OSPA, -27 dB", "s", lag, (early, late)
     )
 
 
 def _bearing(key: str, name: str, data: xr.Dataset, method: str, level: dict[str, float]) -> Row:
-    errors, _ = at_detection(data, method, level[method])
+    errors, _ = measures.at_detection(data, method, level[method])
     return bootstrapped(key, name, "degree", lambda errors: np.degrees(rmse(errors)), errors)
 
 
 def _approach(data: xr.Dataset, method: str, level: float) -> Row:
-    seen, snr_db = detected(data, method, level), approach_snr_db()
+    seen, snr_db = measures.detected(data, method, level), approach_snr_db()
     first = np.where(seen.any(axis=1), seen.argmax(axis=1), np.inf)
     ours, *ends = (
         float(snr_db[int(scan)]) if np.isfinite(scan) else np.nan
@@ -161,9 +150,9 @@ def _variants(results: Results) -> list[Row]:
         if drawn is None or runs is None:
             continue
         # Draws without a target add at most one part in thirty at such thresholds; see the module on thresholds.
-        stratum = Stratum(birth_share(), drawn.log_odds.values[..., 0], drawn.log_ratio.values[..., 0])
+        stratum = Stratum(measures.birth_share(), drawn.log_odds.values[..., 0], drawn.log_ratio.values[..., 0])
         threshold = wald_threshold([stratum], FALSE_TRACK_PROBABILITY)
-        hits = int((best_odds(runs)[:, 0] > logit(threshold.value)).sum())
+        hits = int((measures.best_odds(runs)[:, 0] > logit(threshold.value)).sum())
         key, label = f"variant_{name}", name.replace("_", " ")
         ours.append(_threshold(f"{key}_threshold", f"{label}: threshold, by Wald's identity", threshold))
         ours.append(share(f"{key}_detected", f"{label}: share detected at -31 dB", hits, runs.sizes["run"]))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from faintrack.metrics.accuracy import rmse
 from faintrack.studies.davey2008 import runs, scene
@@ -30,26 +31,26 @@ def figures(results: Results, folder: Path) -> list[Path]:
     if not ran:
         return []
 
-    def draw(axes: np.ndarray) -> None:
-        for column, (title, methods) in zip(axes.T, ran.items(), strict=True):
-            _column(column, title, methods)
-        axes[0, 0].set_ylabel("share of runs that find the target")
-        axes[1, 0].set_ylabel("error of the position (pixels)")
-        legend_below(axes[0, 0], len(LABELS))
+    def draw(*axes: Axes) -> None:
+        above, below = axes[: len(ran)], axes[len(ran) :]
+        for upper, lower, (title, methods) in zip(above, below, ran.items(), strict=True):
+            _column(upper, lower, title, methods)
+        above[0].set_ylabel("share of runs that find the target")
+        below[0].set_ylabel("error of the position (pixels)")
+        legend_below(above[0], len(LABELS))
 
     size = 3.7 * len(ran) + 0.5, 5.6
     return [picture(folder / "detection.png", draw, size, 2, len(ran), sharex=True, sharey="row")]
 
 
-def _column(axes: np.ndarray, title: str, methods: dict[str, Declared]) -> None:
-    above, below = axes
+def _column(above: Axes, below: Axes, title: str, methods: dict[str, Declared]) -> None:
     seen = (FRAMES >= scene.APPEARS) & (FRAMES < scene.LEAVES)
     for method, track in methods.items():
         hits = track.right.sum(axis=0)
         draw_share(above, FRAMES, hits, len(track.right), COLOURS[method], label=LABELS[method])
         errors = [rmse(track.error[track.right[:, frame], frame]) if hits[frame] >= FEW else np.nan for frame in FRAMES]
         below.plot(FRAMES[seen], np.array(errors)[seen], color=COLOURS[method])
-    for axis in axes:
+    for axis in (above, below):
         axis.axvspan(scene.APPEARS - 0.5, scene.LEAVES - 0.5, color=BLACK, alpha=0.06, linewidth=0)
     finish(above, title=title, ylim=(0, 1.02))
     finish(below, xlabel="frame", ylim=(0, WORST))

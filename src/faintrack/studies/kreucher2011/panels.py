@@ -14,27 +14,12 @@ from faintrack.studies.kreucher2011 import runs, scene
 from faintrack.studies.kreucher2011.rows import rows_of_crowd, rows_of_pair
 from faintrack.studies.kreucher2011.settings import APART, COUNTS
 from faintrack.studies.kreucher2011.tracks import Tracks, before_and_after, tracks_of
-from faintrack.studies.panels import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    Panel,
-    draw_rows,
-    finish,
-    mosaic,
-)
-from faintrack.studies.study import Results, address, finished
+from faintrack.studies.panels import BLACK, COLOURS, Panel, draw_rows, finish, mosaic
+from faintrack.studies.study import Results, address, finished, ran
 from faintrack.targets.states import PlanarState
 
 GREY = "#777777"
 """Of what is fixed."""
-
-COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-"""Of tracks by label, and of curves."""
 
 THRESHOLD = 0.9
 """Probability at which a detector hands over."""
@@ -208,8 +193,8 @@ def _draw_tracks(axis: Axes, tracks: Tracks) -> None:
 
 def _levels(results: Results) -> list[Panel]:
     """Targets with a track against the scan, and what comes of a close pass, for every level."""
-    ran = {level: finished(results, f"level_{level:g}") for level in scene.LEVELS}
-    first = {level: [run.first() for run in tracks_of(data)] for level, data in ran.items() if data is not None}
+    declaring = ran(results, {level: f"level_{level:g}" for level in scene.LEVELS})
+    first = {level: [run.first() for run in tracks_of(data)] for level, data in declaring.items()}
 
     def curves(axis: Axes) -> None:
         at = np.arange(1, runs.FROM)
@@ -220,8 +205,8 @@ def _levels(results: Results) -> list[Panel]:
 
     def passes(axis: Axes) -> None:
         for style, name, how in (("-o", "", "jointly"), ("--x", "_separate", "separately")):
-            close = {level: finished(results, f"close_{level:g}{name}") for level in scene.LEVELS}
-            ends = {level: before_and_after(tracks_of(data), 1) for level, data in close.items() if data is not None}
+            close = ran(results, {level: f"close_{level:g}{name}" for level in scene.LEVELS})
+            ends = {level: before_and_after(tracks_of(data), 1) for level, data in close.items()}
             for what, colour in zip(("lost", "merged", "swapped"), COLOURS, strict=False):
                 shares = [runs_so[what].mean() for runs_so in ends.values()]
                 axis.plot(list(ends), shares, style, color=colour, label=f"{what}, {how}", ms=4)
@@ -235,8 +220,8 @@ def _levels(results: Results) -> list[Panel]:
 
 def _crowds(results: Results) -> list[Panel]:
     """Tracks of targets, and of none, against the number of targets."""
-    ran = {count: finished(results, f"crowd_{count}") for count in COUNTS}
-    rows = {count: rows_of_crowd(count, data)[:2] for count, data in ran.items() if data is not None}
+    crowds = ran(results, {count: f"crowd_{count}" for count in COUNTS})
+    rows = {count: rows_of_crowd(count, data)[:2] for count, data in crowds.items()}
 
     def draw(axis: Axes) -> None:
         axis.plot([0, scene.CROWD], [0, scene.CROWD], color=GREY, linewidth=0.8, label="all")
@@ -256,8 +241,8 @@ def _side_by_side(results: Results) -> list[Panel]:
 
     def draw(axis: Axes) -> None:
         for (name, what), colour in zip(curves.items(), COLOURS, strict=False):
-            ran = {beams: of_pair[name] for beams, of_pair in rows.items() if name in of_pair}
-            draw_rows(axis, list(ran), list(ran.values()), colour, what)
+            curve = {beams: of_pair[name] for beams, of_pair in rows.items() if name in of_pair}
+            draw_rows(axis, list(curve), list(curve.values()), colour, what)
         finish(axis, SMALL, xlabel="beams apart", ylabel="share of runs", ylim=(0, 1.05))
 
     return [("two targets side by side", {}, draw)] if any(rows.values()) else []

@@ -24,7 +24,7 @@ from faintrack.studies.kreucher2011.tracks import (
 )
 from faintrack.studies.printed import PRINTED
 from faintrack.studies.rows import beside, bootstrapped, mean, share
-from faintrack.studies.study import Results, Row, finished
+from faintrack.studies.study import Results, Row, finished, ran
 
 WHOLE = {
     "synthetic": "",
@@ -36,12 +36,11 @@ WHOLE = {
 
 def rows(results: Results) -> list[Row]:
     """The study's numbers; a setting that has not run leaves its rows out."""
-    whole = ((name, finished(results, name)) for name in WHOLE)
-    crowds = ((count, finished(results, f"crowd_{count}")) for count in COUNTS)
+    crowds = ran(results, {count: f"crowd_{count}" for count in COUNTS})
     ours = [
-        *(row for name, data in whole if data is not None for row in _whole(name, data)),
+        *(row for name, data in ran(results, {name: name for name in WHOLE}).items() for row in _whole(name, data)),
         *(row for level in scene.LEVELS for row in _level(results, level)),
-        *(row for count, data in crowds if data is not None for row in rows_of_crowd(count, data)),
+        *(row for count, data in crowds.items() for row in rows_of_crowd(count, data)),
         *(row for beams in APART for row in rows_of_pair(results, beams)),
     ]
     return beside(PRINTED["kreucher2011"], ours)

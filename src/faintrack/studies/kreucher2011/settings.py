@@ -1,5 +1,7 @@
 """The study's table: settings and how many runs of each."""
 
+from collections.abc import Callable, Iterator
+
 from faintrack.studies.kreucher2011 import runs, scene
 from faintrack.studies.study import Setting
 
@@ -31,6 +33,17 @@ DECLARING = 60
 
 LEVEL = {"level": scene.LEVEL}
 
+
+def _near(
+    name: str, run: Callable[[bool], runs.Run], full: int, quick: int, of: str, values: tuple[float, ...], scans: int
+) -> Iterator[Setting]:
+    """Trackers that start near the truth, updated jointly and never so, on the same data."""
+    for value in values:
+        for how in ("", "_separate"):
+            key = f"{name}_{value:g}"
+            yield Setting(key + how, run(how != ""), full, quick, ALONE, {of: value}, scans, batch=8, address=key)
+
+
 SETTINGS = (
     Setting("synthetic", runs.whole(scene.SPEED), 100, 3, WHOLE, LEVEL, scans=9 * scene.SCANS, batch=1),
     *(
@@ -54,21 +67,7 @@ SETTINGS = (
         )
         for level in scene.LEVELS
     ),
-    *(
-        Setting(
-            f"close_{level:g}{name}",
-            runs.close_pass(separate=name != ""),
-            800,
-            16,
-            ALONE,
-            {"level": level},
-            scans=scene.SCANS - runs.FROM,
-            batch=8,
-            address=f"close_{level:g}",
-        )
-        for level in scene.LEVELS
-        for name in ("", "_separate")
-    ),
+    *_near("close", runs.close_pass, 800, 16, "level", scene.LEVELS, scene.SCANS - runs.FROM),
     *(
         Setting(f"crowd_{count}", runs.crowd, 100, 0, ESTIMATES, {"count": count}, scans=scene.CROWD_SCANS, batch=1)
         for count in COUNTS
@@ -79,20 +78,6 @@ SETTINGS = (
         )
         for beams in APART
     ),
-    *(
-        Setting(
-            f"kept_{beams:g}{name}",
-            runs.kept(separate=name != ""),
-            400,
-            8,
-            ALONE,
-            {"beams": beams},
-            scans=scene.CROWD_SCANS,
-            batch=8,
-            address=f"kept_{beams:g}",
-        )
-        for beams in APART
-        for name in ("", "_separate")
-    ),
+    *_near("kept", runs.kept, 400, 8, "beams", APART, scene.CROWD_SCANS),
     Setting("four", runs.four, 1, 1, {**ESTIMATES, "log_place": ("scan", "x", "y")}, batch=1),
 )

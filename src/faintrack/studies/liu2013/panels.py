@@ -1,6 +1,6 @@
 """The paper's figures 1 to 4, drawn from the runs, and what goes beyond them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,25 +29,24 @@ def figures(results: Results, folder: Path) -> list[Path]:
     start = list(methods(results, "start"))
     drawn: list[Path] = []
 
-    def save(name: str, columns: int, draw: Callable[[np.ndarray], None], sharey: bool = False) -> None:
+    def save(name: str, columns: int, draw: Callable[..., None], sharey: bool = False) -> None:
         size = 5 * columns + 1, 4.2
-        path = folder / f"{name}.png"
-        drawn.append(picture(path, lambda axes: draw(axes[0]), size, columns=columns, sharey=sharey))
+        drawn.append(picture(folder / f"{name}.png", draw, size, columns=columns, sharey=sharey))
 
     if start:
         run = start[-1][2].isel(run=0)
-        save("figure_1", 2, lambda axes: _bearings(axes, run), sharey=True)
-        save("figure_2", 1, lambda axes: _paths(axes[0], run))
-        save("figure_3", 2, lambda axes: _existence(axes, start))
-        save("figure_4", 1, lambda axes: _errors(axes[0], start))
+        save("figure_1", 2, lambda *axes: _bearings(axes, run), sharey=True)
+        save("figure_2", 1, lambda axis: _paths(axis, run))
+        save("figure_3", 2, lambda *axes: _existence(axes, start))
+        save("figure_4", 1, lambda axis: _errors(axis, start))
     settings = {name: list(methods(results, name)) for name in BIRTHS}
     curves = {name: ran for name, ran in settings.items() if ran}
     if curves:
-        save("roc", len(curves), lambda axes: _operating(axes, curves))
+        save("roc", len(curves), lambda *axes: _operating(axes, curves))
     if _have_run(results, [*(f"false_{value}" for value in FALSE), *(f"detection_{value}" for value in DETECTION)]):
-        save("influence", 2, lambda axes: _influence(axes, results))
+        save("influence", 2, lambda *axes: _influence(axes, results))
     if start and _have_run(results, [f"particles_{count}" for count in PARTICLES]):
-        save("particles", 2, lambda axes: _particles(axes, results))
+        save("particles", 2, lambda *axes: _particles(axes, results))
     return drawn
 
 
@@ -55,7 +54,7 @@ def _have_run(results: Results, names: list[str]) -> bool:
     return all(any(True for _ in methods(results, name)) for name in names)
 
 
-def _bearings(axes: np.ndarray, run: xr.Dataset) -> None:
+def _bearings(axes: Sequence[Axes], run: xr.Dataset) -> None:
     """Figure 1: the bearings of a run, with the target's joined and without."""
     observer = scene.observer()
     reported, present = run.there.values, scene.present()
@@ -84,7 +83,7 @@ def _paths(axis: Axes, run: xr.Dataset) -> None:
     finish(axis, {}, xlabel="east (m)", ylabel="north (m)", aspect="equal", title="circles: where they start")
 
 
-def _existence(axes: np.ndarray, start: list[Method]) -> None:
+def _existence(axes: Sequence[Axes], start: list[Method]) -> None:
     """Figure 3: mean existence over the runs."""
     for axis, form, title in zip(axes, ("", "_full"), ("published likelihood", "full likelihood"), strict=True):
         axis.step(scene.TIME, scene.present(), where="mid", color=BLACK, lw=1, ls=":", label="truth")
@@ -117,7 +116,7 @@ def _style(kind: str, form: str) -> dict[str, Any]:
     return {"color": COLOURS[kind], "ls": "-" if form else "--", "label": LABELS[kind] if form else None}
 
 
-def _operating(axes: np.ndarray, curves: dict[str, list[Method]]) -> None:
+def _operating(axes: Sequence[Axes], curves: dict[str, list[Method]]) -> None:
     """Detections against false alarms as the threshold of declaration varies."""
     titles = {"start": "births about the start", "region": "births over the region", "along": "births along bearings"}
     for axis, (births, ran) in zip(axes, curves.items(), strict=True):
@@ -131,7 +130,7 @@ def _operating(axes: np.ndarray, curves: dict[str, list[Method]]) -> None:
     axes[0].legend(fontsize=8, title="solid: full likelihood, dots: threshold 0.6", title_fontsize=8, loc="lower right")
 
 
-def _influence(axes: np.ndarray, results: Results) -> None:
+def _influence(axes: Sequence[Axes], results: Results) -> None:
     """Detections and false alarms as the sensor gets worse."""
     false: dict[float, str] = {1: "false_1", scene.FALSE_PER_SCAN: "start", 20: "false_20"}
     detection = {0.7: "detection_70", 0.9: "detection_90", 1.0: "start"}
@@ -152,7 +151,7 @@ def _influence(axes: np.ndarray, results: Results) -> None:
     axes[0].legend(fontsize=8, title="solid: full, dashed: published", title_fontsize=8, loc="center")
 
 
-def _particles(axes: np.ndarray, results: Results) -> None:
+def _particles(axes: Sequence[Axes], results: Results) -> None:
     """What more particles give."""
     counts = sorted((*PARTICLES, scene.PARTICLES))
     names = ["start" if count == scene.PARTICLES else f"particles_{count}" for count in counts]

@@ -21,7 +21,7 @@ follow false bearings are part of the root mean square; `median_error_m` hardly 
 Intervals are by bootstrap over runs.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import jax
 import jax.numpy as jnp
@@ -165,22 +165,21 @@ def _accuracy(kind: str, form: str, data: xr.Dataset, suffix: str, title: str) -
     if np.isnan(errors).all(axis=0).any():
         return []
     least = bound(data)[0][-errors.shape[1] :]
-    key = f"{'' if kind == 'particle' else '_' + kind}{form}{suffix}"
-    measures = {
-        f"rms_ratio_crlb{key}": (
-            "RMS error over the bound",
-            "1",
-            lambda errors: np.mean(np.sqrt(np.nanmean(errors, axis=0)) / least),
-        ),
-        f"rms_m{key}": ("RMS error of the position", "m", lambda errors: np.sqrt(np.nanmean(errors))),
-        f"median_error_m{key}": ("median error of the position", "m", lambda errors: np.sqrt(np.nanmedian(errors))),
-    }
-    if suffix not in ("", "_drawn") and not suffix.startswith("_particles"):
-        del measures[f"rms_ratio_crlb{key}"]
-    return [
-        bootstrapped(key, f"{name}: {what}, scans 20 to 32", unit, statistic, errors)
-        for key, (what, unit, statistic) in measures.items()
+
+    def over_window(key: str, what: str, unit: str, statistic: Callable[[np.ndarray], float]) -> Row:
+        key = f"{key}{'' if kind == 'particle' else '_' + kind}{form}{suffix}"
+        return bootstrapped(key, f"{name}: {what}, scans 20 to 32", unit, statistic, errors)
+
+    ours = [
+        over_window("rms_m", "RMS error of the position", "m", lambda e: np.sqrt(np.nanmean(e))),
+        over_window("median_error_m", "median error of the position", "m", lambda e: np.sqrt(np.nanmedian(e))),
     ]
+    if suffix in ("", "_drawn") or suffix.startswith("_particles"):
+        ratio = over_window(
+            "rms_ratio_crlb", "RMS error over the bound", "1", lambda e: np.mean(np.sqrt(np.nanmean(e, axis=0)) / least)
+        )
+        ours.insert(0, ratio)
+    return ours
 
 
 def _bounds(results: Results) -> list[Row]:

@@ -16,7 +16,7 @@ from faintrack.studies.panels import BLUE, VERMILION, Panel, mosaic
 from faintrack.studies.printed import PRINTED
 from faintrack.studies.stone2002 import periscope, simulation, tenet
 from faintrack.studies.stone2002.settings import periscope_name
-from faintrack.studies.study import Results, finished
+from faintrack.studies.study import Results, finished, ran
 from faintrack.targets.states import PlanarState
 
 TRUTH = VERMILION
@@ -38,10 +38,9 @@ def figures(results: Results, folder: Path) -> list[Path]:
         data = finished(results, setting)
         if data is not None:
             drawn.append(mosaic(folder / f"{name}.png", panels(data.isel(run=0)), columns))
-    by_scr = {scr_db: finished(results, periscope_name(scr_db)) for scr_db in periscope.SCR_DB}
-    ran = {scr_db: data for scr_db, data in by_scr.items() if data is not None}
-    if ran:
-        drawn.append(mosaic(folder / "periscope.png", [("", {}, lambda axis: _by_scr(axis, ran))], columns=1))
+    by_scr = ran(results, {scr_db: periscope_name(scr_db) for scr_db in periscope.SCR_DB})
+    if by_scr:
+        drawn.append(mosaic(folder / "periscope.png", [("", {}, lambda axis: _by_scr(axis, by_scr))], columns=1))
     return drawn
 
 
@@ -160,12 +159,12 @@ def _points(run: xr.Dataset) -> list[Panel]:
     ]
 
 
-def _by_scr(axis: Axes, ran: dict[int, xr.Dataset]) -> None:
+def _by_scr(axis: Axes, by_scr: dict[int, xr.Dataset]) -> None:
     """How the periscope's peak moves with its strength."""
     printed = PRINTED["stone2002"]["periscope_log10_peak"]
-    quantiles = np.array([np.quantile(data.peak, [0.16, 0.5, 0.84]) for data in ran.values()]) / math.log(10)
-    axis.fill_between(list(ran), quantiles[:, 0], quantiles[:, 2], color=BLUE, alpha=0.2, lw=0)
-    axis.plot(list(ran), quantiles[:, 1], color=BLUE, marker="o", ms=4)
+    quantiles = np.array([np.quantile(data.peak, [0.16, 0.5, 0.84]) for data in by_scr.values()]) / math.log(10)
+    axis.fill_between(list(by_scr), quantiles[:, 0], quantiles[:, 2], color=BLUE, alpha=0.2, lw=0)
+    axis.plot(list(by_scr), quantiles[:, 1], color=BLUE, marker="o", ms=4)
     axis.axhline(printed, color="0.7", lw=0.8)
-    axis.annotate("paper", (max(ran), printed), ha="right", va="bottom", color="0.4")
+    axis.annotate("paper", (max(by_scr), printed), ha="right", va="bottom", color="0.4")
     axis.set(xlabel="target over clutter (dB)", ylabel="log10 of the highest likelihood ratio")

@@ -12,18 +12,21 @@ def periscope_name(scr_db: int) -> str:
     return f"periscope_{scr_db}"
 
 
+SCAN = ("scan",)
+PROFILES = {
+    "power": ("scan", "range"),
+    "over_range": ("scan", "range"),
+    "over_rate": ("scan", "range_rate"),
+    "path": SCAN,
+    "rate": (),
+}
+POINTS = {"state": ("time", "component", "point"), "log_ratio": ("time", "point"), "truth": ("time", "component")}
+PEAKS = {"peak": SCAN, "near": SCAN, "noise_peak": (), "noise_peak_highest": ()}
+
 SETTINGS = (
-    Setting(
-        "straight",
-        simulation.straight,
-        1000,
-        250,
-        {"peak": ("scan",), "near": ("scan",), "noise_peak": (), "noise_peak_highest": ()},
-        scans=simulation.SCANS,
-        batch=125,
-    ),
+    Setting("straight", simulation.straight, 1000, 250, PEAKS, scans=simulation.SCANS, batch=125),
     *(
-        Setting(run.__name__, run, runs, quick, {"peak": ("scan",), "log_ratio": ("scan",)}, scans=simulation.SCANS)
+        Setting(run.__name__, run, runs, quick, {"peak": SCAN, "log_ratio": SCAN}, scans=simulation.SCANS)
         for run, runs, quick in ((simulation.modelled, 4096, 512), (simulation.noise, 2048, 256))
     ),
     Setting("ending", simulation.ending, 4096, 512, {"at_state": ()}, scans=simulation.SCANS, batch=128),
@@ -41,39 +44,9 @@ SETTINGS = (
         )
         for scr_db in periscope.SCR_DB
     ),
-    Setting(
-        "profiles",
-        periscope.look,
-        1,
-        1,
-        {
-            "power": ("scan", "range"),
-            "over_range": ("scan", "range"),
-            "over_rate": ("scan", "range_rate"),
-            "path": ("scan",),
-            "rate": (),
-        },
-        {"scr_db": PERISCOPE_DB},
-        scans=periscope.SCANS,
-        batch=1,
-    ),
-    Setting(
-        "tenet_detection",
-        tenet.detection,
-        200,
-        16,
-        {"log_odds": ("scan",), "error": ("scan",)},
-        scans=tenet.SCANS,
-        batch=4,
-    ),
-    Setting(
-        "tenet_points",
-        tenet.points,
-        1,
-        1,
-        {"state": ("time", "component", "point"), "log_ratio": ("time", "point"), "truth": ("time", "component")},
-        batch=1,
-    ),
-    Setting("tenet_particle", tenet.by_particles, 200, 40, {"error": ("scan",)}, scans=tenet.CHALLENGE_SCANS, batch=8),
-    Setting("tenet_grid", tenet.by_grid, 120, 16, {"error": ("scan",)}, scans=tenet.CHALLENGE_SCANS, batch=2),
+    Setting("profiles", periscope.look, 1, 1, PROFILES, {"scr_db": PERISCOPE_DB}, scans=periscope.SCANS, batch=1),
+    Setting("tenet_detection", tenet.detection, 200, 16, {"log_odds": SCAN, "error": SCAN}, scans=tenet.SCANS, batch=4),
+    Setting("tenet_points", tenet.points, 1, 1, POINTS, batch=1),
+    Setting("tenet_particle", tenet.by_particles, 200, 40, {"error": SCAN}, scans=tenet.CHALLENGE_SCANS, batch=8),
+    Setting("tenet_grid", tenet.by_grid, 120, 16, {"error": SCAN}, scans=tenet.CHALLENGE_SCANS, batch=2),
 )
