@@ -85,8 +85,9 @@ def run_study(
     quiet: bool,
 ) -> dict[str, Any]:
     """Compute what a study's folder lacks, then its rows and figures; the summary is what `--json` prints."""
+    from faintrack.numerics.compiled import keep_compilations
     from faintrack.studies.folder import open_folder
-    from faintrack.studies.running import connect, keep_compilations, run_missing
+    from faintrack.studies.running import connect, run_missing
     from faintrack.studies.study import load
 
     keep_compilations()
