@@ -71,7 +71,12 @@ def test_channel_that_is_never_finite(folder: Path) -> None:
     samples = np.random.default_rng(0).normal(size=(4000, 4))
     samples[:, 2] = np.nan
     write_wav(folder / "nan.wav", samples)
-    refuse_track(folder, "nan.wav", names=("nan.wav", "channel 2", "finite"))
+    done = call("track", folder / "nan.wav", "--array", folder / "array.toml")
+    assert done.status == 0, done.err
+    assert "Channel 2: 4000 samples from 0 s to 4 s are missing (not finite)." in done.out
+    samples[:, 1:] = np.nan
+    write_wav(folder / "nan.wav", samples)
+    refuse_track(folder, "nan.wav", names=("nan.wav", "channels 1, 2, 3", "two"))
 
 
 def test_recordings_of_different_rate(folder: Path) -> None:

@@ -20,7 +20,6 @@ import numpy as np
 
 from faintrack.errors import InputError
 from faintrack.numerics.compiled import cache_folder
-from faintrack.numerics.compiled import keep_compilations as keep_compilations
 from faintrack.studies.folder import Folder
 from faintrack.studies.study import Setting, run_batch
 

@@ -13,6 +13,7 @@ from faintrack.baselines.detect_and_track import DetectAndTrack
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError, naming
 from faintrack.io.arrays import matched
+from faintrack.io.recordings import without_copies
 from faintrack.kinds.beamforming import plan_frames
 from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
@@ -63,6 +64,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     ------
     InputError : there is no array, or recording, array, band and frame do not fit together.
     """
+    recording = without_copies(recording)
     array, rule = array_of(recording, scenario)
     band = scenario.analysis.band
     array, straight = as_heard(array, recording.sample_rate / 2 if band is None else band[1])
@@ -103,6 +105,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         size=int(np.clip(BLOCK_BYTES // frame_bytes, 1, min(LONGEST_BLOCK, count))),
         seed=scenario.filter.seed,
         checks=(
+            *recording.remarks,
             *rule,
             *straight,
             *about_array(array, described, beamformer, recording.sample_rate),
@@ -177,14 +180,12 @@ def _chosen(
 
 
 def _require_heard(recording: Recording, array: SensorArray, heard: Bool[np.ndarray, " channel"]) -> None:
-    """Refuse channels that are used and never held a finite sample."""
-    silent = [
-        name for name, ok, alive in zip(recording.channel_names, heard, array.alive, strict=True) if alive and not ok
-    ]
-    if silent:
+    """Refuse a recording of which fewer than two channels were heard; those that were not are told by the gate."""
+    if (heard & array.alive).sum() < 2:
+        silent = [name for name, ok in zip(recording.channel_names, heard, strict=True) if not ok]
         raise InputError(
-            f"{recording.source}: channel {silent[0]} has no frame without samples that are not finite; "
-            "expected numbers, or the channel in the array's list of dead ones."
+            f"{recording.source}: channels {', '.join(silent[:8])} have no frame without missing samples; expected two "
+            "channels at least."
         )
 
 
