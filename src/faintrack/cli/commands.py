@@ -103,13 +103,20 @@ def track(
     from faintrack.cli.tables import print_result
 
     sections = sections_of(settings, kind, array, band, frame, method)
+    said: list[str] = []
+
+    def tell(sentence: str) -> None:
+        said.append(sentence)
+        if not as_json:
+            print(f"remark     {sentence}", flush=True)
+
     with progress_bar("tracking", quiet=as_json) as advance:
         # Without a folder only tables are printed: what pictures need is not kept.
         result = run(files, scenario, out=out, truth=truth, progress=advance, pictures=out is not None, **sections)
     if as_json:
         print(json.dumps(result.summary()))
     else:
-        print_result(result)
+        print_result(result, said)
         if out is not None:
             print(f"report     {out / 'report.html'}")
 

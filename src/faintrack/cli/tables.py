@@ -14,15 +14,16 @@ if TYPE_CHECKING:
     from faintrack.bench import Row
 
 
-def print_result(result: Result) -> None:
-    """Tracks of a result, what was found of known targets, what a user must know, and how fast it came."""
+def print_result(result: Result, said: Sequence[str] = ()) -> None:
+    """Tracks of a result, what was found of known targets, remarks that were not said yet, and how fast it came."""
     if result.tracks:
         _print([heading for _, heading, _ in track_headings(result)], track_rows(result))
     if "known" in result.data.sizes:
         _print(*finding_table(result.data), text=("target",))
         print(f"tracks of no known target: {len(unexplained(result.data))}")
     for remark in result.remarks:
-        print(f"remark     {remark}")
+        if remark not in said:
+            print(f"remark     {remark}")
     summary = result.summary()
     counts = [
         f", {value} {name.replace('_', ' ')}" for name, value in summary.items() if name.endswith("_scans") and value
