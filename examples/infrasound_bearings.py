@@ -56,7 +56,7 @@ def within(time: np.ndarray, spans: list[tuple[float, float]]) -> np.ndarray:
 
 def found(data: xr.Dataset, bearing_deg: np.ndarray) -> dict[str, Any]:
     """Share of the frames of each source with a track near it, when it is first declared, and tracks elsewhere."""
-    time, label = data.time.values, data.label.values
+    time, label = data.time.values, data.label.values[:, 0]
     near_any = np.zeros(len(time), bool)
     told: dict[str, Any] = {"sources": {}}
     for name, (start, end, bearing) in SOURCES.items():
