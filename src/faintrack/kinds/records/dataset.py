@@ -5,7 +5,7 @@ Targets that an array hears by itself have a bearing in place of a position. A t
 while has no label there.
 """
 
-import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,8 @@ def scans_dataset(
     times = together.times[part] - together.times[0]
     alone = scenario.region is None
     if alone:
-        data = estimated(times, _from_the_first_beam(estimates, fans), bearing(reference(fans.line[0]), level=False))
+        data = estimated(times, estimates, bearing(reference(fans.line[0]), level=False))
+        data = data.assign(bearing=_from_the_first_beam(data.bearing, fans))
     else:
         data = estimated(times, estimates, planar()).assign(_places_of_arrays(placed, part))
     unit = "1" if scenario.energies.absent is not None else "standard deviations above the median"
@@ -100,13 +101,12 @@ def start_of_scans(together: InStep) -> str:
     return f"{together.start_time + since}Z"
 
 
-def _from_the_first_beam(estimates: SeveralEstimate, fans: Fans) -> SeveralEstimate:
-    """Estimates of an array by itself whose bearings begin where those of its beams do."""
+def _from_the_first_beam(bearings: xr.DataArray, fans: Fans) -> xr.DataArray:
+    """Bearings that an array by itself hears, which begin where those of its beams do; degrees."""
     if fans.line[0]:
-        return estimates
-    first = fans.first[0] - fans.step[0] / 2
-    turned = first + (estimates.mean.bearing - first) % (2 * np.pi)
-    return dataclasses.replace(estimates, mean=dataclasses.replace(estimates.mean, bearing=turned))
+        return bearings
+    first = math.degrees(fans.first[0] - fans.step[0] / 2)
+    return bearings.copy(data=first + (bearings.values - first) % 360)
 
 
 def _places_of_arrays(placed: Placed, part: slice) -> dict[str, Any]:

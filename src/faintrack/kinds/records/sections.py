@@ -37,7 +37,7 @@ class StationSection(Section):
     clock_offset : by how much its clock is ahead; seconds.
     """
 
-    name: str
+    name: str = Field(examples=["array"])
     file: str | None = None
     x: float | None = None
     y: float | None = None
