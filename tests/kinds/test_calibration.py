@@ -82,7 +82,7 @@ def test_runs_that_would_not_end() -> None:
 
 def test_without_simulation_or_band_the_sample_rate_is_not_known() -> None:
     known = {name: section for name, section in SMALL.items() if name != "simulation"}
-    with pytest.raises(InputError, match="the sample rate is not known; expected simulation.sample_rate"):
+    with pytest.raises(InputError, match=r"the sample rate is not known; expected simulation\.sample_rate"):
         calibrate(known)
 
 

@@ -32,7 +32,9 @@ def test_a_run_taken_up_again_gives_the_same_bits(kind: str, tmp_path: Path) -> 
 @SMALL
 def test_following_goes_on_where_it_stopped(kind: str) -> None:
     whole = [moment.data for moment in ft.follow(data(kind), SCENARIOS[kind], block=BLOCK)]
-    *_, last = (moment for moment, _ in zip(ft.follow(data(kind), SCENARIOS[kind], block=BLOCK), range(2), strict=False))
+    *_, last = (
+        moment for moment, _ in zip(ft.follow(data(kind), SCENARIOS[kind], block=BLOCK), range(2), strict=False)
+    )
     assert last.checkpoint.scans == 2 * BLOCK
     (rest,) = ft.follow(data(kind), SCENARIOS[kind], since=last.checkpoint, block=BLOCK)
     xr.testing.assert_equal(rest.data, whole[-1])
@@ -78,7 +80,9 @@ def test_a_belief_that_is_no_number_stops_the_run() -> None:
         return dataset.assign(existence=dataset.existence.where(~lost[:, None]))
 
     seen = []
-    with pytest.raises(ft.InputError, match=r"^scan 6 made the belief no number; please report this with the scen.*\.$"):
+    with pytest.raises(
+        ft.InputError, match=r"^scan 6 made the belief no number; please report this with the scen.*\.$"
+    ):
         seen += [rows.sizes["time"] for _, rows in advance(dataclasses.replace(good, rows=rows), size=BLOCK)]
     assert seen == []
 

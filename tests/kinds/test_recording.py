@@ -24,7 +24,10 @@ def test_following_equals_tracking() -> None:
     # rounding.
     np.testing.assert_allclose(existence, result.data.existence, atol=1e-2)
     assert moments[-1].checkpoint.state.belief.log_weights.shape == (1250,)
-    assert moments[-1].data.record.shape == (1, result.data.sizes["beam"],)
+    assert moments[-1].data.record.shape == (
+        1,
+        result.data.sizes["beam"],
+    )
 
 
 def test_a_source_that_takes_over_begins_a_new_track() -> None:
