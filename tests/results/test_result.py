@@ -2,9 +2,11 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -20,10 +22,16 @@ from tests.kinds.small import SCANS, SCENARIOS, data, result
 SMALL = pytest.mark.parametrize("kind", SCENARIOS)
 
 
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folder of the result of each kind."""
+    folder = tmp_path_factory.mktemp("saved")
+    return {kind: result(kind).save(folder / kind) for kind in SCENARIOS}
+
+
 @SMALL
-def test_saved_and_read_it_is_the_same(kind: str, tmp_path: Path) -> None:
-    one = result(kind)
-    folder = one.save(tmp_path / "result")
+def test_saved_and_read_it_is_the_same(kind: str, saved: dict[str, Path]) -> None:
+    one, folder = result(kind), saved[kind]
     again = ft.read_result(folder)
     xr.testing.assert_identical(again.data.load(), one.data)
     assert (again.kind, again.scenario, again.seconds, again.remarks) == (
@@ -37,11 +45,11 @@ def test_saved_and_read_it_is_the_same(kind: str, tmp_path: Path) -> None:
 
 
 @SMALL
-def test_the_table_is_that_of_the_file(kind: str, tmp_path: Path) -> None:
+def test_the_table_is_that_of_the_file(kind: str, saved: dict[str, Path]) -> None:
     """Ten digits are written: single precision has seven."""
     one = result(kind)
     table = one.to_dataframe()
-    with (one.save(tmp_path / "result") / "states.csv").open(encoding="utf-8") as file:
+    with (saved[kind] / "states.csv").open(encoding="utf-8") as file:
         header, *rows = csv.reader(file)
     assert header == list(table)
     np.testing.assert_allclose(np.array(rows, float), table.to_numpy(float), rtol=1e-9)
@@ -108,7 +116,7 @@ def test_tracks_of_stone_soup(kind: str) -> None:
 def on_earth() -> xr.Dataset:
     """Two targets of four scans on earth: one in the first three, the other in the last alone."""
     count = np.arange(4.0)[:, None] * np.ones(2)
-    state = PlanarState(100 * count, 50 * count, 0 * count + 50, 0 * count + 25)
+    state = PlanarState(*(jnp.asarray(values) for values in (100 * count, 50 * count, 0 * count + 50, 0 * count + 25)))
     label = np.array([[1, 0], [1, 0], [1, 0], [0, 2]])
     say = SimpleNamespace(
         existence=np.full((4, 2), 0.9),
@@ -157,8 +165,8 @@ def test_stone_soup_has_the_time_of_day(on_earth: xr.Dataset) -> None:
     assert str(second.states[0].timestamp) == "2020-05-01 00:00:06"
 
 
-def test_a_damaged_folder_is_named(tmp_path: Path) -> None:
-    folder = result("frames").save(tmp_path / "result")
+def test_a_damaged_folder_is_named(saved: dict[str, Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(saved["frames"], tmp_path / "result"))
     (folder / "about.json").write_text("[]", encoding="utf-8")
     with pytest.raises(ft.InputError, match="result is damaged or incomplete"):
         ft.read_result(folder)

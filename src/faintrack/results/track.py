@@ -119,12 +119,12 @@ def tracks_of(data: xr.Dataset) -> list[Track]:
 
     Examples
     --------
-    >>> from faintrack.results.schema import Component
+    >>> import jax.numpy as jnp
     >>> from types import SimpleNamespace
-    >>> from faintrack.results.schema import estimated
+    >>> from faintrack.results.schema import Component, estimated
     >>> from faintrack.targets.states import RangeState
     >>> say = SimpleNamespace(existence=np.full(4, 0.9), label=np.array([0, 1, 1, 0]), track_existence=np.full(4, 0.9),
-    ...     mean=RangeState(3 * np.arange(4.0), np.ones(4)), covariance=np.tile(np.eye(2), (4, 1, 1)))
+    ...     mean=RangeState(3 * jnp.arange(4.0), jnp.ones(4)), covariance=np.tile(np.eye(2), (4, 1, 1)))
     >>> components = (Component("range", "m", place=True, rate="range_rate"), Component("range_rate", "m/s"))
     >>> track, = tracks_of(estimated(2 * np.arange(4.0), say, components))
     >>> track.start_s, track.end_s, track.summary()["range_m_end"], track.speed
