@@ -325,7 +325,8 @@ def _look(
     given = np.ma.getdata(samples)
     double = given.dtype.kind == "f" and given.dtype.itemsize == 8
     # Whole numbers beyond 24 bits are compared before they are rounded.
-    values = given.astype(np.float64 if double or given.dtype.kind in "iu" else np.float32)
+    values: np.ndarray = given.astype(np.float64 if double or given.dtype.kind in "iu" else np.float32)
+    largest = float(np.finfo(values.dtype.name).max)
     clean = values.astype(np.float64 if double else np.float32)
     left = np.ones(values.shape, bool)
     reasons: dict[str, np.ndarray] = {}
@@ -350,9 +351,7 @@ def _look(
         leave_out("sentinel", repeated & np.isin(values, [*SENTINELS, 2147483648.0]))  # 2^31 - 1 in single precision
     scale = level(clean) if scale is None else scale
     # Of numbers only: what is missing was looked at.
-    leave_out(
-        "too large", np.abs(np.where(left, values, 0.0)) > min(LARGEST * scale, float(np.finfo(values.dtype).max))
-    )
+    leave_out("too large", np.abs(np.where(left, values, 0.0)) > min(LARGEST * scale, largest))
     if constant_run is not None:
         leave_out("constant", lengths >= constant_run)
     clipped = (lengths >= CLIPPED_RUN) & left
@@ -371,10 +370,11 @@ def _report(reasons: Mapping[str, np.ndarray], clipped: np.ndarray, by_channel: 
     spans: list[Span] = []
     unlisted = 0
     for reason, mask in reasons.items():
+        columns: list[tuple[int | None, np.ndarray]]
         if by_channel and mask.ndim == 2:
             columns = [(int(number), mask[:, number]) for number in np.flatnonzero(mask.any(axis=0))]
         else:
-            columns = [(None, mask.reshape(len(mask), -1).any(axis=1))]
+            columns = [(None, np.asarray(mask.reshape(len(mask), -1).any(axis=1)))]
         for channel, column in columns:
             edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(np.int8)))
             stretches = edges.reshape(-1, 2)
