@@ -23,6 +23,8 @@ import tifffile
 import zarr
 from PIL import Image
 
+import faintrack
+
 MUTANTS = int(os.environ.get("FAINTRACK_MUTANTS", "1000"))
 SECONDS, BYTES = 10, 1_500_000_000
 NOISE = np.random.default_rng(0).integers(-1000, 1000, (300, 3))
@@ -247,7 +249,10 @@ def outcomes(reading: str, folder: Path, count: int) -> Iterator[tuple[int, str]
     """Number and fault of every file that did something else than to give a result or a sentence."""
     own = 3_000_000_000  # address space of the libraries themselves, most of it never touched
     code = READING.replace("BYTES", str(BYTES)).replace("OWN", str(own)).replace("SECONDS", str(SECONDS))
-    environment = dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", PYTHONWARNINGS="ignore")
+    source = str(Path(faintrack.__file__).parents[1])
+    environment = dict(
+        os.environ, PYTHONPATH=source, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", PYTHONWARNINGS="ignore"
+    )
     first = 0
     while first < count:
         done = subprocess.run(

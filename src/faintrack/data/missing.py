@@ -325,10 +325,10 @@ def _look(
     given = np.ma.getdata(samples)
     double = given.dtype.kind == "f" and given.dtype.itemsize == 8
     # Whole numbers beyond 24 bits are compared before they are rounded.
-    values = given.astype(np.float64 if double or given.dtype.kind in "iu" else np.float32, copy=False)
+    values: np.ndarray = given.astype(np.float64 if double or given.dtype.kind in "iu" else np.float32, copy=False)
     fills = {float(kind(fill)) for fill in (*FILL_VALUES, *fill_values) for kind in (np.float32, np.float64)}
     scale = level(samples) if scale is None else scale
-    most = min(LARGEST * scale, float(np.finfo(values.dtype).max))
+    most = min(LARGEST * scale, float(np.finfo(values.dtype.name).max))
     # Nearly every block is like this, and three passes tell: then nothing is copied.
     if values.size and not np.ma.isMaskedArray(samples):
         largest = max(float(values.max()), -float(values.min()))
@@ -405,10 +405,11 @@ def _report(reasons: Mapping[str, np.ndarray], clipped: np.ndarray, by_channel: 
     spans: list[Span] = []
     unlisted = 0
     for reason, mask in reasons.items():
+        columns: list[tuple[int | None, np.ndarray]]
         if by_channel and mask.ndim == 2:
             columns = [(int(number), mask[:, number]) for number in np.flatnonzero(mask.any(axis=0))]
         else:
-            columns = [(None, mask.reshape(len(mask), -1).any(axis=1))]
+            columns = [(None, np.asarray(mask.reshape(len(mask), -1).any(axis=1)))]
         for channel, column in columns:
             edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(np.int8)))
             stretches = edges.reshape(-1, 2)

@@ -128,7 +128,7 @@ def as_array(values: Any, name: str) -> np.ndarray:
     >>> as_array(np.ma.masked_array([1, 2], mask=[False, True]), "samples").tolist()
     [1.0, nan]
     """
-    array = values if np.ma.isMaskedArray(values) else np.asarray(values)
+    array: Any = values if np.ma.isMaskedArray(values) else np.asarray(values)
     if array.dtype.kind == "c":
         raise InputError(
             f"{name} hold {array.dtype}; expected real numbers. Complex samples of coherent receivers need a "
@@ -137,5 +137,5 @@ def as_array(values: Any, name: str) -> np.ndarray:
     if array.dtype.kind not in "biuf":
         raise InputError(f"{name} hold {array.dtype}; expected real numbers.")
     if np.ma.isMaskedArray(array):
-        return array.astype(np.promote_types(array.dtype, np.float32)).filled(np.nan)
-    return array
+        array = array.astype(np.promote_types(array.dtype, np.float32)).filled(np.nan)
+    return np.asarray(array)

@@ -73,7 +73,7 @@ def _flac(path: Path, size: int) -> Recording:
     length = promised if found is None else found
     if length > size // _SMALLEST_FLAC_FRAME * _LARGEST_FLAC_FRAME:
         raise InputError(f"{path} tells of {length} samples, which its {size} bytes cannot hold.")
-    remarks = ()
+    remarks: tuple[str, ...] = ()
     if length != promised:
         told = f"tells of {promised} samples" if promised else "does not tell its length"
         remarks = (f"The header {told}; the file holds {length} samples, all of which are read.",)

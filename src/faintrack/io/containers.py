@@ -73,11 +73,10 @@ class Container:
         assert self.kind is not None
         if self.width == 3:
             wide = np.zeros((content.size // 3, 4), np.uint8)
-            wide[:, slice(1, 4) if self.kind.str[0] != ">" else slice(0, 3)] = content.reshape(-1, 3)
-            values = wide.ravel().view(self.kind.newbyteorder(self.kind.str[0]))
-        else:
-            values = content.view(self.kind)
-        values = values.reshape(-1, self.channels)
+            # The highest bytes of 32 bits, whichever end they stand at.
+            wide[:, slice(0, 3) if self.kind.str[0] == ">" else slice(1, 4)] = content.reshape(-1, 3)
+            content = wide.ravel()
+        values: np.ndarray = content.view(self.kind).reshape(-1, self.channels)
         if self.kind.kind == "f":
             return values.astype(np.float64 if self.width == 8 else np.float32)
         if self.kind.kind == "u":
@@ -367,7 +366,8 @@ def start_of(bext: bytes, ixml: bytes, rate: float) -> tuple[np.datetime64 | Non
     if match is None or not rate > 0:
         return None, []
     try:
-        midnight = datetime(*(int(part) for part in match.groups()))
+        year, month, date = (int(part) for part in match.groups())
+        midnight = datetime(year, month, date)
         clock = re.fullmatch(r"(\d\d)\D(\d\d)\D(\d\d)", time)
         of_day = (
             timedelta(**dict(zip(("hours", "minutes", "seconds"), map(int, clock.groups()), strict=True)))

@@ -119,14 +119,14 @@ def _samples(path: Path, run: _Run, start: int, stop: int, decode: Callable[...,
     parts: list[np.ndarray] = []
     with path.open("rb") as file:
         while number < last:
-            first, content = number, []
-            while number < last and sum(map(len, content)) < _PIECE:
+            first, content = number, b""
+            while number < last and len(content) < _PIECE:
                 file.seek(run.at[number])
-                content.append(file.read(run.sizes[number]))
+                content += file.read(run.sizes[number])
                 number += 1
             begin = run.begins[first]
             expected = (run.begins[number] if number < len(run.begins) else run.length) - begin
-            values = _decoded(path, b"".join(content), run.at[first], decode)
+            values = _decoded(path, content, run.at[first], decode)
             if len(values) != expected:
                 raise InputError(
                     f"{path} is damaged: {len(values)} of {expected} samples can be unpacked from byte {run.at[first]}."

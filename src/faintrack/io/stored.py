@@ -13,6 +13,7 @@ A fill value of 0 marks nothing, unless an attribute `_FillValue` or `missing_va
 
 import math
 import os
+import struct
 from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from pathlib import Path
@@ -174,6 +175,7 @@ def zarr_values(path: Path, array: Any) -> tuple[Read, dict[str, Any]]:
     attributes = array.attrs.asdict()
     told = array.metadata.to_dict()
     require_codecs(field, array)
+    codecs = list(_codecs(told))
     folder, shape, chunks, metadata = path / array.path, array.shape, array.chunks, array.metadata
     shard = getattr(array, "shards", None) or chunks
     numeric = np.dtype(array.dtype).kind in "iuf"
@@ -185,10 +187,19 @@ def zarr_values(path: Path, array: Any) -> tuple[Read, dict[str, Any]]:
     fills = marks(attributes, array.fill_value if numeric else None)
     empty = isinstance(fill, float) and math.isnan(fill)
 
+    def file_of(place: tuple[int, ...]) -> Path:
+        return folder / metadata.encode_chunk_key(place)
+
     def there(place: tuple[int, ...]) -> bool:
-        return (folder / metadata.encode_chunk_key(place)).exists()
+        return file_of(place).exists()
+
+    blosc = numeric and "sharding_indexed" not in codecs and codecs[-1:] and codecs[-1].endswith("blosc")
+    size = math.prod(chunks) * np.dtype(array.dtype).itemsize
 
     def read(part: Slices) -> np.ndarray:
+        if blosc:
+            for place in _touched(part, shape, chunks):
+                _require_blosc(file_of(place), size)
         values = with_gaps(np.asarray(array[part]), fills)
         # Where NaN fills what is not there, nothing has to be looked for.
         return values if empty or not numeric else _emptied(values, _absent(part, shape, shard, there))
@@ -249,15 +260,45 @@ def _absent(
 ) -> Iterable[Slices]:
     """Places within a part that belong to chunks that are not there."""
     ranges = [range(*piece.indices(count)) for piece, count in zip(part, shape, strict=True)]
-    if any(len(each) == 0 or each.step != 1 for each in ranges):
-        return
-    numbers = [range(each[0] // size, each[-1] // size + 1) for each, size in zip(ranges, chunks, strict=True)]
-    for place in product(*numbers):
+    for place in _touched(part, shape, chunks):
         if not there(place):
             yield tuple(
                 slice(max(number * size - each[0], 0), min((number + 1) * size - each[0], len(each)))
                 for number, size, each in zip(place, chunks, ranges, strict=True)
             )
+
+
+def _touched(part: Slices, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Iterable[tuple[int, ...]]:
+    """Numbers of the chunks that a part touches."""
+    ranges = [range(*piece.indices(count)) for piece, count in zip(part, shape, strict=True)]
+    if any(len(each) == 0 for each in ranges):
+        return iter(())
+    return product(*(range(each[0] // size, each[-1] // size + 1) for each, size in zip(ranges, chunks, strict=True)))
+
+
+def _require_blosc(file: Path, size: int) -> None:
+    """Refuse a chunk whose head does not fit it: Blosc goes by the lengths there, wherever they lead."""
+    try:
+        held = file.stat().st_size
+    except OSError:
+        return  # a chunk that is not there
+    with file.open("rb") as opened:
+        head = opened.read(16)
+        if len(head) < 16:
+            raise InputError(f"{file} is cut short.")
+        flags, unpacked, block, packed = *struct.unpack_from("<xxB", head), *struct.unpack_from("<III", head, 4)
+        blocks = -(-unpacked // block) if block else 0
+        if unpacked != size or not 0 < block <= max(unpacked, 1) or not 16 <= packed <= held <= packed + 4:
+            raise InputError(
+                f"{file} is damaged or cut short: {held} bytes that claim {packed}, and {unpacked} of {size}."
+            )
+        if flags & 2:  # as it is, not packed
+            if packed < 16 + unpacked:
+                raise InputError(f"{file} is damaged or cut short: {packed} bytes for {unpacked}.")
+            return
+        starts = np.frombuffer(opened.read(4 * blocks), "<u4")
+    if len(starts) < blocks or ((starts < 16 + 4 * blocks) | (starts.astype(int) + 4 > packed)).any():
+        raise InputError(f"{file} is damaged: its blocks lie outside.")
 
 
 def _emptied(values: np.ndarray, places: Iterable[Slices]) -> np.ndarray:

@@ -113,14 +113,15 @@ def _packed(
     """Frames that are unpacked page by page."""
     import tifffile
 
-    outer, size = shape[:-2], shape[-2:]
+    *outer, height, width = shape
+    size = height, width
 
     def read(part: Slices) -> np.ndarray:
         wanted = np.arange(math.prod(outer)).reshape(outer)[part[:-2]]
         with _damage_raised(path), tifffile.TiffFile(path, _multifile=False) as file:
             pages = file.pages
             frames = [_grey(path, pages[int(number)], size, coloured) for number in wanted.ravel()]
-        return np.array(frames, dtype).reshape(*wanted.shape, *size)[(..., *part[-2:])]
+        return np.array(frames, dtype).reshape(*wanted.shape, *size)[..., part[-2], part[-1]]
 
     # A compression that cannot be undone here is refused now, not in the middle of a run.
     read((*(slice(1),) * len(outer), slice(None), slice(None)))

@@ -14,8 +14,7 @@ MAT of version 7.3, which is HDF5   alone, or by the chunks that it touches
 HDF5                                alone, or by the chunks that it touches
 ==================================  =======================================
 
-What HDF5 and Zarr do not hold is NaN, see `faintrack.io.stored`. A chunk of Zarr that is cut short is refused, except
-where Blosc packed it for version 2 of the format: numcodecs does not compare its length with its header.
+What HDF5 and Zarr do not hold is NaN, see `faintrack.io.stored`. A chunk of Zarr that is cut short is refused.
 """
 
 import math
@@ -231,7 +230,8 @@ def _zarr_variable(path: Path, array: Any) -> Variable:
     read, attributes = zarr_values(path, array)
     dims = getattr(array.metadata, "dimension_names", None) or attributes.get("_ARRAY_DIMENSIONS")
     named = isinstance(dims, list | tuple) and len(dims) == array.ndim and all(isinstance(d, str) and d for d in dims)
-    return Variable(array.shape, np.dtype(array.dtype), read, tuple(dims) if named else None, attributes)
+    names = tuple(dims) if named and dims is not None else None
+    return Variable(array.shape, np.dtype(array.dtype), read, names, attributes)
 
 
 @reader("MAT")
@@ -252,7 +252,7 @@ def open_mat(path: Path) -> dict[str, Variable]:
     if not h5py.is_hdf5(path):
         return mat_variables(path)
     with h5py.File(path, "r") as file:
-        found = {}
+        found: dict[str, Variable] = {}
         for name in [name for name in file if name[0] != "#"][: limits.MOST_NAMES]:
             item = file[name]
             if isinstance(item, h5py.Group):
