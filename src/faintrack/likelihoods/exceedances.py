@@ -13,6 +13,7 @@ Only bins that the target reaches have a term. The first sum does not depend on 
 but for bins near the ends, and is tabulated over the place within a bin.
 """
 
+import functools
 import itertools
 from typing import Any
 
@@ -123,10 +124,11 @@ class ExceedanceLikelihood(eqx.Module):
             for axis, place in ((0, delay), (2, shift))
         )
         ends = [_between_nodes(place, count) for place, count in zip((delay, beam, shift), nodes, strict=True)]
-        return sum(
+        parts = (
             share_a * share_b * share_c * self.quiet[of_delay, a, b, of_shift, c]
             for (a, share_a), (b, share_b), (c, share_c) in itertools.product(*ends)
         )
+        return functools.reduce(jnp.add, parts)
 
     def _at(self, ping: Ping, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
         """Log ratio at bin numbers: of the quiet bins, and where a return is near what it adds, a block at a time."""
