@@ -60,3 +60,22 @@ def assert_equal(actual: np.ndarray, expected: np.ndarray, dtype: type, operatio
     """Equal but for rounding. `scale` is the size of the largest term where terms cancel."""
     relative = rounding(dtype, operations)
     np.testing.assert_allclose(np.asarray(actual), np.asarray(expected), rtol=relative, atol=relative * scale)
+
+
+def assert_calibrated(existence: np.ndarray, exists: np.ndarray, bins: int = 5, least: int = 100) -> None:
+    """Of targets believed in at 0.8, 80 % exist: in every bin of probability as many as are believed to.
+
+    Parameters
+    ----------
+    existence : probability at the end of independent runs, from the filter whose model the runs were drawn from.
+    exists : whether there was a target.
+    bins : from 0 to 1, equally wide.
+    least : runs that every bin must hold, or the test says little.
+    """
+    existence = np.asarray(existence, np.float64)
+    number = np.minimum((existence * bins).astype(int), bins - 1)
+    for chosen in range(bins):
+        believed, there = existence[number == chosen], exists[number == chosen]
+        error = np.sqrt(np.sum(believed * (1 - believed)))
+        assert believed.size >= least
+        assert abs(there.sum() - believed.sum()) < STANDARD_ERRORS * error

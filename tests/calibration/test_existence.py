@@ -14,10 +14,9 @@ from faintrack.sensors.beams import BeamScan
 from faintrack.targets.target import Target, UniformBirth, rates
 from faintrack.trackers.single import SingleTargetTracker
 from tests.scenes import Scene
-from tests.tolerances import STANDARD_ERRORS
+from tests.tolerances import assert_calibrated
 
 RUNS, SCANS = 2500, 8
-EDGES = np.linspace(0.0, 1.0, 6)
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +81,4 @@ def test_of_targets_believed_in_as_many_exist(
         return tracker.steps(tracker.init(key), scans, key)[0].belief.existence
 
     keys = jax.random.split(jax.random.key(8), RUNS)
-    existence = np.asarray(jax.jit(jax.vmap(existence_at_the_end))(scans, keys), np.float64)
-    bins = np.digitize(existence, EDGES[1:-1])
-    for number in range(len(EDGES) - 1):
-        believed, there = existence[bins == number], exists[bins == number]
-        error = np.sqrt(np.sum(believed * (1 - believed)))
-        assert believed.size > 100
-        assert abs(there.sum() - believed.sum()) < STANDARD_ERRORS * error
+    assert_calibrated(jax.jit(jax.vmap(existence_at_the_end))(scans, keys), exists)

@@ -106,14 +106,6 @@ def draws(key: jax.Array, sensor: BearingSensor, present: bool) -> tuple[Bearing
     return jax.vmap(one)(jax.random.split(key, 20_000))
 
 
-def test_mean_ratio_under_noise_is_1() -> None:
-    drawn, lost = draws(jax.random.key(0), sensor(), False)
-    assert int(lost.max()) == 0
-    states = at_bearing(np.linspace(-0.4, 1.9, 12))
-    ratio = jnp.exp(jax.vmap(lambda scan: BearingSetLikelihood(sensor()).log_ratio(scan, states))(drawn))
-    assert errors_apart(np.asarray(ratio), 1.0) < STANDARD_ERRORS
-
-
 def test_false_bearings_are_poisson_and_even() -> None:
     drawn, _ = draws(jax.random.key(1), sensor(), False)
     number = np.asarray(drawn.there.sum(axis=1))

@@ -98,14 +98,6 @@ def test_detection_is_the_ratio_of_two_coins(detected: bool, dtype: type) -> Non
     assert_equal(actual, expected, dtype, OPERATIONS, scale=4.0)
 
 
-@pytest.mark.parametrize("case", ["gaussian", "bearing", "detection"])
-def test_mean_ratio_of_false_contacts_is_1(case: str) -> None:
-    """20,000 draws, 5 standard errors."""
-    likelihood, states = likelihoods()[case], planar([2.0, -3.0, 5.0], [1.0, 4.0, -6.0])
-    false = draw(likelihood, planar(2.0, 1.0), False)
-    assert_mean(np.exp(jax.vmap(lambda scan: likelihood.log_ratio(scan, states))(false)), 1.0)
-
-
 def test_what_is_drawn_has_the_densities() -> None:
     place = planar(2.0, 1.0)
     value = np.asarray(draw(gaussian_contact(), place, True).value, np.float64)

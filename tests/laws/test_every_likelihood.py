@@ -1,7 +1,8 @@
 """Laws of likelihood ratios, on every one of them (`tests/tables.py`)."""
 
 import functools
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,12 +12,8 @@ import pytest
 
 from faintrack.likelihoods.protocols import CellMeans, Likelihood, Simulating, log_ratios
 from tests.scenes import part
-from tests.tables import CELL_MEANS, LIKELIHOODS, Case
+from tests.tables import CELL_MEANS, LIKELIHOODS, MASKED, NO_INVERSE, NO_RATIO, QUIET, Case
 from tests.tolerances import RATIO_AGREEMENT, RATIO_OPERATIONS, assert_equal, assert_mean
-
-every = pytest.mark.parametrize("name", LIKELIHOODS)
-means = pytest.mark.parametrize("name", CELL_MEANS)
-both = pytest.mark.parametrize("name", [*LIKELIHOODS, *CELL_MEANS])
 
 
 @functools.cache
@@ -24,35 +21,75 @@ def case_of(name: str, dtype: type = np.float32) -> Case:
     return (LIKELIHOODS | CELL_MEANS)[name](dtype)
 
 
+def those(names: Iterable[str]) -> pytest.MarkDecorator:
+    """Likelihoods that a law speaks of."""
+    return pytest.mark.parametrize("name", list(names))
+
+
+every = pytest.mark.parametrize("name", LIKELIHOODS)
+means = pytest.mark.parametrize("name", CELL_MEANS)
+both = pytest.mark.parametrize("name", [*LIKELIHOODS, *CELL_MEANS])
+
+
+class Drawn(NamedTuple):
+    """Log ratios of drawn scans, and of one scan of noise in other forms.
+
+    Attributes
+    ----------
+    scan : the one.
+    noise : of scans without a target, shape (draw, state).
+    under : of scans with a target at one of two states, read there; shape (draw, 2).
+    plain : of the one, shape (state,).
+    turned : with the states in reverse.
+    masked : with something else where nothing was measured.
+    quiet : with nothing measured.
+    """
+
+    scan: Any
+    noise: np.ndarray
+    under: np.ndarray
+    plain: np.ndarray
+    turned: np.ndarray
+    masked: np.ndarray
+    quiet: np.ndarray
+
+
 @eqx.filter_jit
-def drawn(likelihood: Any, scan: Any, states: Any, sure: Any, keys: jax.Array) -> tuple[Any, jax.Array, jax.Array]:
-    """Scans of noise; their log ratios at all states; log ratios at each sure state of scans with a target there."""
+def simulated(likelihood: Any, scan: Any, state: Any, present: jax.Array, keys: jax.Array) -> Any:
+    return jax.vmap(lambda key: likelihood.simulate(scan, state, present, key))(keys)
 
-    def one(key: jax.Array) -> tuple[Any, jax.Array, jax.Array]:
-        for_noise, *for_targets = jax.random.split(key, 1 + len(jax.tree.leaves(sure)[0]))
-        noise = likelihood.simulate(scan, part(states, 0), jnp.array(False), for_noise)
 
-        def under(state: Any, key: jax.Array) -> jax.Array:
-            return log_ratios(likelihood, likelihood.simulate(scan, state, jnp.array(True), key), state)
+@eqx.filter_jit
+def ratios_of(likelihood: Any, scans: Any, states: Any) -> jax.Array:
+    return jax.vmap(lambda scan: log_ratios(likelihood, scan, states))(scans)
 
-        return noise, log_ratios(likelihood, noise, states), jax.vmap(under)(sure, jnp.stack(for_targets))
 
-    return jax.vmap(one)(keys)
+def alike(scan: Any, name: str) -> list[Any]:
+    """A scan, the same with its masked parts filled, and with nothing measured."""
+    masked, quiet = (changes.get(name, lambda same: same) for changes in (MASKED, QUIET))
+    return [scan, masked(scan), quiet(scan)]
 
 
 @functools.cache
-def draws(name: str) -> tuple[Any, np.ndarray, np.ndarray]:
-    """Of a likelihood that reads states; one compiled program for all laws."""
+def drawn(name: str) -> Drawn:
+    """Of a likelihood that reads states; two compiled programs for all laws, one draws and one reads."""
     case = case_of(name)
-    keys = jax.random.split(jax.random.key(1), case.draws)
-    sure = part(case.states, np.array(case.sure or (0,)))
-    noise, ratios, under = drawn(case.likelihood, case.scan, case.states, sure, keys)
-    return noise, np.asarray(ratios, np.float64), np.asarray(under, np.float64)
+    *for_targets, for_noise = (jax.random.split(key, case.draws) for key in jax.random.split(jax.random.key(1), 3))
+    turned = part(case.states, np.arange(len(jax.tree.leaves(case.states)[0]))[::-1])
 
+    def stack(place: int, present: bool, keys: jax.Array, rest: list[Any]) -> tuple[Any, list[Any]]:
+        scans = simulated(case.likelihood, case.scan, part(case.states, place), jnp.array(present), keys)
+        rest = rest or alike(part(scans, 0), name)
+        return jax.tree.map(lambda many, *few: jnp.concatenate([many, jnp.stack(few)]), scans, *rest), rest
 
-@eqx.filter_jit
-def ratios_of(likelihood: Any, scan: Any, states: Any) -> jax.Array:
-    return log_ratios(likelihood, scan, states)
+    scans, rest = stack(0, False, for_noise, [])
+    noise = np.asarray(ratios_of(case.likelihood, scans, case.states), np.float64)
+    first, second = (
+        np.asarray(ratios_of(case.likelihood, stack(place, True, keys, rest)[0], states), np.float64)
+        for place, keys, states in zip((0, 1), for_targets, (case.states, turned), strict=True)
+    )
+    under = np.stack([first[:-3, 0], second[:-3, -2]], axis=1)
+    return Drawn(rest[0], noise[:-3], under, noise[-3], second[-3], noise[-2], noise[-1])
 
 
 @both
@@ -64,66 +101,47 @@ def test_it_keeps_to_the_protocols(name: str) -> None:
 
 @every
 def test_a_drawn_scan_is_like_its_template(name: str) -> None:
-    case = case_of(name)
-    scan = part(draws(name)[0], 0)
+    case, scan = case_of(name), drawn(name).scan
     assert jax.tree.structure(scan) == jax.tree.structure(case.scan)
     for one, other in zip(jax.tree.leaves(scan), jax.tree.leaves(case.scan), strict=True):
         assert jnp.shape(one) == jnp.shape(other)
 
 
-@every
+@those(name for name in LIKELIHOODS if name not in NO_RATIO)
 def test_mean_ratio_under_noise_is_1(name: str) -> None:
     """Scans drawn by the likelihood itself, 5 standard errors; exactly 1 where nothing is heard."""
-    if not case_of(name).ratio:
-        pytest.skip("no likelihood ratio, and said to be none")
-    assert_mean(np.exp(draws(name)[1]), 1.0)
+    assert_mean(np.exp(drawn(name).noise), 1.0)
 
 
-@every
+@those(name for name in LIKELIHOODS if name not in NO_INVERSE)
 def test_mean_inverse_ratio_under_the_target_is_1(name: str) -> None:
     """The law above, read from the other side: it holds draws with a target and the ratio together."""
-    case = case_of(name)
-    if not (case.ratio and case.sure):
-        pytest.skip("no ratio, or one whose inverse has no variance")
-    assert_mean(np.exp(-draws(name)[2]), 1.0)
+    assert_mean(np.exp(-drawn(name).under), 1.0)
 
 
 @every
 def test_order_of_points_is_irrelevant(name: str) -> None:
-    case = case_of(name)
-    scan, order = part(draws(name)[0], 0), np.arange(len(jax.tree.leaves(case.states)[0]))[::-1]
-    turned = ratios_of(case.likelihood, scan, part(case.states, order))
-    assert_equal(turned, ratios_of(case.likelihood, scan, case.states)[order], np.float32, RATIO_OPERATIONS, 10.0)
+    assert_equal(drawn(name).turned[::-1], drawn(name).plain, np.float32, RATIO_OPERATIONS, 10.0)
 
 
-@every
+@those(QUIET)
 def test_a_scan_in_which_nothing_was_measured_says_nothing(name: str) -> None:
-    case = case_of(name)
-    if case.quiet is None:
-        pytest.skip("silence of this sensor is a measurement")
-    quiet = case.quiet(part(draws(name)[0], 0))
-    assert not np.any(ratios_of(case.likelihood, quiet, case.states))
+    assert not np.any(drawn(name).quiet)
 
 
-@every
+@those(MASKED)
 def test_what_was_not_measured_is_not_read(name: str) -> None:
-    case = case_of(name)
-    if case.masked is None:
-        pytest.skip("scans of this sensor have no masks")
-    scan = part(draws(name)[0], 0)
-    masked = ratios_of(case.likelihood, case.masked(scan), case.states)
-    np.testing.assert_array_equal(masked, ratios_of(case.likelihood, scan, case.states))
+    np.testing.assert_array_equal(drawn(name).masked, drawn(name).plain)
 
 
 @every
 def test_single_and_double_precision_agree(name: str) -> None:
-    single, scan = case_of(name), part(draws(name)[0], 0)
-    expected = np.asarray(ratios_of(single.likelihood, scan, single.states))
+    single = drawn(name)
     with jax.enable_x64(True):
         case = case_of(name, np.float64)
-        wide = jax.tree.map(lambda one, like: jnp.asarray(np.asarray(one), like.dtype), scan, case.scan)
-        found = np.asarray(ratios_of(case.likelihood, wide, case.states))
-    np.testing.assert_allclose(found, expected, rtol=RATIO_AGREEMENT, atol=RATIO_AGREEMENT)
+        wide = jax.tree.map(lambda one, like: jnp.asarray(np.asarray(one), like.dtype)[None], single.scan, case.scan)
+        found = np.asarray(ratios_of(case.likelihood, wide, case.states))[0]
+    np.testing.assert_allclose(found, single.plain, rtol=RATIO_AGREEMENT, atol=RATIO_AGREEMENT)
 
 
 @means

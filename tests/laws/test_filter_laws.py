@@ -104,6 +104,21 @@ def test_the_same_target_in_two_steps_equals_one(dtype: type) -> None:
     assert_equal(same(2.5), np.exp(-2.5 * target.departure_rate), dtype, operations=20)
 
 
+@pytest.mark.parametrize("existence", [0.0, 0.3, 1.0])
+def test_what_may_happen_has_the_probability_1(dtype: type, existence: float) -> None:
+    """Five things, which also add up to the birth and survival probabilities."""
+    target, interval = Scene(dtype).target, jnp.asarray(1.0, dtype)
+    with np.errstate(divide="ignore"):
+        log_odds = jnp.asarray(np.log(existence) - np.log1p(-existence), dtype)
+    forecast = target.forecast(log_odds, interval)
+    assert_equal(np.exp(np.array(forecast)).sum(), 1.0, dtype, operations=20)
+    expected = 0.05 * (1 - existence) + 0.95 * existence
+    assert_equal(np.exp(forecast.existence), expected, dtype, operations=50)
+    assert_equal(jax.nn.sigmoid(forecast.log_odds), expected, dtype, operations=50)
+    if existence > 0:
+        assert_equal(np.exp(forecast.replaced), existence * target.replacement(interval), dtype, operations=50)
+
+
 @pytest.mark.parametrize("first", [0.1, 1.0, 30.0])
 def test_white_acceleration_in_two_steps_equals_one(dtype: type, first: float) -> None:
     """F Q(s) F' + Q(t) = Q(s + t), with F the motion over t."""

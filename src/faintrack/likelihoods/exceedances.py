@@ -13,6 +13,7 @@ Only bins that the target reaches have a term. The first sum does not depend on 
 but for bins near the ends, and is tabulated over the place within a bin.
 """
 
+import functools
 import itertools
 from typing import Any
 
@@ -117,23 +118,17 @@ class ExceedanceLikelihood(eqx.Module):
 
     def _quiet_at(self, delay: Real, beam: Real, shift: Real) -> Real:
         """The sum over quiet bins, from the table by straight lines."""
-        sonar = self.sonar
-        whole = [jnp.floor(each) for each in (delay, beam, shift)]
+        sonar, nodes = self.sonar, [self.quiet.shape[axis] - 1 for axis in (1, 2, 4)]
         of_delay, of_shift = (
-            edge_class(whole[axis], sonar.shape[axis], sonar.reach[axis]).astype(jnp.int32) for axis in (0, 2)
+            edge_class(jnp.floor(place), sonar.shape[axis], sonar.reach[axis]).astype(jnp.int32)
+            for axis, place in ((0, delay), (2, shift))
         )
-        ends = []
-        for value, low, nodes in zip(
-            (delay, beam, shift), whole, np.array(self.quiet.shape)[[1, 2, 4]] - 1, strict=True
-        ):
-            fine = (value - low) * nodes
-            node = jnp.clip(jnp.floor(fine), 0, max(nodes - 1, 0))
-            upper = (node.astype(jnp.int32) + 1, fine - node)
-            ends.append([(upper[0] - 1, 1 - upper[1]), upper] if nodes else [(upper[0] - 1, jnp.ones_like(value))])
-        return sum(
+        ends = [_between_nodes(place, count) for place, count in zip((delay, beam, shift), nodes, strict=True)]
+        parts = (
             share_a * share_b * share_c * self.quiet[of_delay, a, b, of_shift, c]
             for (a, share_a), (b, share_b), (c, share_c) in itertools.product(*ends)
         )
+        return functools.reduce(jnp.add, parts)
 
     def _at(self, ping: Ping, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
         """Log ratio at bin numbers: of the quiet bins, and where a return is near what it adds, a block at a time."""
@@ -193,6 +188,14 @@ class ExceedanceLikelihood(eqx.Module):
             )
 
         return jax.lax.fori_loop(first, last, one, jnp.zeros_like(delay))
+
+
+def _between_nodes(place: Real, nodes: int) -> list[tuple[Int[Array, "..."], Real]]:
+    """Nodes on either side of a place within its bin, each with its share; of none there is one place."""
+    fine = (place - jnp.floor(place)) * nodes
+    low = jnp.clip(jnp.floor(fine), 0, max(nodes - 1, 0))
+    number, share = low.astype(jnp.int32), fine - low
+    return [(number, 1 - share), (number + 1, share)] if nodes else [(number, jnp.ones_like(place))]
 
 
 def _numbers(which: Bool[Array, " state"], size: int) -> Int[Array, " size"]:
