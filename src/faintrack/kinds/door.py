@@ -321,13 +321,17 @@ def opened(what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool 
     given = scenario_given(scenario, sections)
     held = next((kind for kind in kinds() if isinstance(what, kind.data)), None)
     paths = () if held is not None else _paths(what)
-    name = given.kind
-    if held is not None and name is not None and held.name != name:
-        raise InputError(f"the data are of the kind {held.name} and the scenario of {name}; expected the same.")
-    kind = held or (kind_named(name) if name is not None else kind_of_files(paths, given))
+    said = given.sections.get("kind")
+    if held is not None:
+        name = given.kind
+        if name is not None and held.name != name:
+            raise InputError(f"the data are of the kind {held.name} and the scenario of {name}; expected the same.")
+        kind = held
+    else:
+        kind = kind_of_files(paths, given) if said is None else kind_named(str(said), given.source)
     complete = None
     if not reading or given.sections.keys() - {"kind"}:
-        with _telling_kind(kind, () if name is not None else paths):
+        with _telling_kind(kind, () if said is not None else paths):
             complete = given.of(kind.name)
     return kind, kind.read(paths, complete) if held is None else what, complete
 
@@ -347,14 +351,17 @@ def kind_of_files(paths: tuple[Path, ...], given: Given) -> Kind:
     if able:
         names = " or ".join(kind.name for kind in able)
         raise InputError(f"{listed}: it may hold {names}; expected a scenario with kind = one of them (--kind KIND).")
+    # What the sections are of decides where the files do not tell, and is refused where they tell something else.
+    name = given.kind
     if holding:
         kind = holding[0]
-        other = next(name for name in given.sections if name not in kind.scenario.model_fields)
-        known = ", ".join(kind.scenario.model_fields)
+        other = next(field for field in given.sections if field not in kind.scenario.model_fields)
         raise InputError(
-            f"{listed} holds {kind.name}, of which a scenario has no section {other}; expected {known}, or another "
-            "kind = ... (--kind KIND)."
+            f"{listed} holds {kind.name}, of which a scenario has no section {other}; expected "
+            f"{', '.join(kind.scenario.model_fields)}, or another kind = ... (--kind KIND)."
         )
+    if name is not None:
+        return kind_named(name)
     names = ", ".join(kind.name for kind in kinds() if set(given.sections) <= set(kind.scenario.model_fields))
     raise InputError(
         f"{listed}: the name does not tell what it holds; expected a scenario with kind = one of {names} (--kind KIND)."
@@ -369,10 +376,8 @@ def _telling_kind(kind: Kind, paths: tuple[Path, ...]) -> Iterator[None]:
     except InputError as error:
         if not paths:
             raise
-        raise InputError(
-            f"{str(error).rstrip('.')}; {', '.join(map(str, paths))} was taken for {kind.name}, which kind = ... "
-            "(--kind KIND) changes."
-        ) from error
+        listed = ", ".join(map(str, paths))
+        raise InputError(f"{listed} was taken for {kind.name} (kind = ... or --kind changes that): {error}") from error
 
 
 def _paths(what: Any) -> tuple[Path, ...]:

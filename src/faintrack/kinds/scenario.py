@@ -138,7 +138,8 @@ def merged(sections: Sections, others: Sections) -> dict[str, Any]:
     result = dict(sections)
     for name, value in others.items():
         mine = result.get(name)
-        if isinstance(value, Mapping) and isinstance(mine, Mapping):
+        # An array is one thing: half of one and half of another would be none.
+        if name != "array" and isinstance(value, Mapping) and isinstance(mine, Mapping):
             result[name] = {**mine, **value}
         elif value is not None:
             result[name] = value
