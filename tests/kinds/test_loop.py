@@ -58,7 +58,13 @@ def test_blocks_of_any_size_say_the_same(kind: str, size: int) -> None:
 
 @SMALL
 def test_a_state_of_another_scenario_is_refused(kind: str, tmp_path: Path) -> None:
-    other = {"recording": {"filter": {"particles": 70}}, "frames": {"filter": {"speeds": 5}}}[kind]
+    other = {
+        "recording": {"filter": {"particles": 70}},
+        "frames": {"filter": {"speeds": 5}},
+        "returns": {"grid": SCENARIOS[kind].get("grid", {}) | {"speeds": 5}},
+        "bearings": {"filter": {"particles": 400}},
+        "records": {"several": {"slots": 3}},
+    }[kind]
     first = plan(kind)
     save_checkpoint(tmp_path / "state", Checkpoint(first.state, 3))
     assert load_checkpoint(tmp_path / "state", first).scans == 3

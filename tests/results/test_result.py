@@ -101,7 +101,14 @@ def test_tracks_of_stone_soup(kind: str) -> None:
     (theirs,) = to_stonesoup([track])
     assert theirs.id == "1"
     assert len(theirs.states) == len(track.time)
-    order = {"recording": ("bearing", "bearing_rate", "snr_db"), "frames": ("x", "vx", "y", "vy")}[kind]
+    plane = ("x", "vx", "y", "vy")
+    order = {
+        "recording": ("bearing", "bearing_rate", "snr_db"),
+        "frames": plane,
+        "returns": plane,
+        "bearings": plane,
+        "records": ("bearing", "bearing_rate"),
+    }[kind]
     scale = np.array([np.radians(1) if track.units[name].startswith("degree") else 1.0 for name in order])
     for scan, state in enumerate(theirs.states):
         mean = np.array([track.mean[name][scan] for name in order]) * scale

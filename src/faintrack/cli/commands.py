@@ -82,7 +82,7 @@ def track(
     method: Method = None,
     settings: Settings = None,
     truth: Annotated[
-        Path | None, typer.Option(help="Where targets were: CSV, or AIS reports of ships, to lay over the tracks.")
+        Path | None, typer.Option(help="Where targets were, to lay beside: CSV, AIS reports, TOML of a simulation.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for result and report.")] = None,
     as_json: Json = False,

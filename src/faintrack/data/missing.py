@@ -221,7 +221,7 @@ def gate_frames(
 
     Parameters
     ----------
-    frames : shape (time, *cells).
+    frames : shape `(time, *cells)`.
     fill_values, level : as `gate`.
 
     Examples
@@ -400,7 +400,7 @@ def _runs(values: np.ndarray, axes: tuple[int, ...]) -> Int[np.ndarray, "..."]:
 
 
 def _report(reasons: Mapping[str, np.ndarray], clipped: np.ndarray, by_channel: bool) -> Missing:
-    """Counts and stretches of masks of shape (time, *cells)."""
+    """Counts and stretches of masks of shape `(time, *cells)`."""
     counts = {reason: mask.sum(axis=0) for reason, mask in reasons.items() if mask.any()}
     spans: list[Span] = []
     unlisted = 0

@@ -42,13 +42,12 @@ class Plan:
     read : function of (start, stop), numbers of scans, to arrays with one entry a scan along their first axis, as
         `step.scans` takes them. Fewer than asked for is the end.
     rows : function of (start, block, outputs), the number of the first scan, what was read and what `step.advance`
-    gave,
-        to a dataset in the schema of `faintrack.results.schema`.
+        gave, to a dataset in the schema of `faintrack.results.schema`.
     length : number of scans; None where it is not known beforehand.
     size : scans taken in at once.
     seed : of the random numbers.
-    plane : plane of places given in latitude and longitude, a `faintrack.scenario.plane.Plane`; None where there is
-    none.
+    plane : plane of places given in latitude and longitude, a `faintrack.scenario.plane.Plane`; None where there
+        is none.
     within : how near a track must be to a known target to be one of it, in the unit of the place.
     limits : ends of each component of the place between which known targets count; everywhere where None.
     checks : what the set-up cannot tell or does not fit, known before the run; one sentence each.

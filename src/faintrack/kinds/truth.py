@@ -37,7 +37,7 @@ def laid_beside(blocks: Iterable[xr.Dataset], truth: Any, plan: Plan) -> Iterato
     Parameters
     ----------
     blocks : of the result.
-    truth : path of a file, or a scenario with the targets of a simulation.
+    truth : path of a file, or a scenario with the targets of a simulation, or the path of one (.toml).
     plan : of the data.
 
     Raises
@@ -66,6 +66,8 @@ def _known(truth: Any, plan: Plan, block: xr.Dataset) -> list[Known]:
         known: list[Known] = kind_named(truth.kind).targets(truth)
         return known
     path = Path(truth)
+    if path.suffix.lower() == ".toml":
+        return _known(Scenario.read(path), plan, block)
     start = block.attrs.get("start_time") or None
     start_time = None if start is None else np.datetime64(start.removesuffix("Z"), "ns")
     shift = float(block.attrs["first_scan_time"])

@@ -2,10 +2,13 @@
 
 .. code-block:: text
 
-    result.zarr      one entry a scan, axes and units in the attributes (xarray); the schema is in
-    `faintrack.results.schema` states.csv       one row a track and scan tracks.csv       one row a track tracks.geojson
-    where there is a place on earth scenario.toml    what was run, with what was chosen for the data; runs again as it
-    is about.json       versions of the software, what the run took, remarks report.html      the same for a person
+    result.zarr      one entry a scan, axes and units in the attributes (xarray); see `faintrack.results.schema`
+    states.csv       one row a track and scan
+    tracks.csv       one row a track
+    tracks.geojson   where there is a place on earth
+    scenario.toml    what was run, with what was chosen for the data; runs again as it is
+    about.json       versions of the software, what the run took, remarks
+    report.html      the same for a person, drawn when all else is in its place
 
 It is written under another name beside its place and renamed when it is whole.
 """

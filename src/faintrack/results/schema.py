@@ -12,9 +12,10 @@ one label, in whatever slot they stand.
 `log_evidence`       time                         log of the mean likelihood ratio of the scan, where it is known
 ===================  ===========================  =========================================================
 
-Attributes: `kind`, `source`, `scan_interval` in seconds, `first_scan_time` on the clock of the data, `start_time` of
-the first scan in UTC where it is known. `place` lists the components that tell where a target is. Kinds add variables;
-one that has the attribute `counted` tells in how many scans something happened that a user must know.
+Attributes: `kind`, `source`, `scan_interval` in seconds, `first_scan_time` on the clock of the data, `start_time`, what
+`time` 0 is in UTC, where it is known. Along `component` stand `unit`, `rate`, the name of a component's rate, and
+`place`, whether it tells where a target is. Kinds add variables; one that has the attribute `counted` tells in how many
+scans something happened that a user must know.
 """
 
 from collections.abc import Mapping

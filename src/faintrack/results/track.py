@@ -21,7 +21,7 @@ class Track:
     Attributes
     ----------
     label : running number from 1.
-    time : of its scans; seconds from the first scan of all.
+    time : of its scans; seconds from time 0 of the result.
     existence : probability that the track's target exists.
     mean : of each component of the state, by name.
     covariance : of the components, in the order of `mean`.
@@ -29,7 +29,7 @@ class Track:
     place : components that tell where the target is.
     rates : name of the rate of each component that has one.
     earth : latitude and longitude, degrees, by name; empty where they are not known.
-    start_time : of the first scan of all in UTC; None where it is not known.
+    start_time : what time 0 is in UTC; None where it is not known.
     """
 
     label: int
