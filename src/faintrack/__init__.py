@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from faintrack.kinds.door import Info, Moment, follow, info, read, read_result, simulate, track
     from faintrack.kinds.records.data import Records, from_records
     from faintrack.kinds.scenario import Scenario
+    from faintrack.kinds.sweeps.data import Sweeps, from_sweeps
     from faintrack.results.result import Result
     from faintrack.results.track import Track
     from faintrack.sensors.array import SensorArray, line_array, sensor_array
@@ -48,6 +49,8 @@ _HOMES = {
     "from_bearings": "data.bearings:from_columns",
     "Records": "kinds.records.data",
     "from_records": "kinds.records.data",
+    "Sweeps": "kinds.sweeps.data",
+    "from_sweeps": "kinds.sweeps.data",
     "SensorArray": "sensors.array",
     "sensor_array": "sensors.array",
     "line_array": "sensors.array",
@@ -67,6 +70,7 @@ __all__ = [
     "Scenario",
     "SensorArray",
     "Sequence",
+    "Sweeps",
     "Track",
     "calibrate",
     "follow",
@@ -75,6 +79,7 @@ __all__ = [
     "from_records",
     "from_returns",
     "from_samples",
+    "from_sweeps",
     "info",
     "line_array",
     "read",
