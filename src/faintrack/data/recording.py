@@ -137,5 +137,5 @@ def as_array(values: Any, name: str) -> np.ndarray:
     if array.dtype.kind not in "biuf":
         raise InputError(f"{name} hold {array.dtype}; expected real numbers.")
     if np.ma.isMaskedArray(array):
-        array = array.astype(np.promote_types(array.dtype, np.float32)).filled(np.nan)
+        array = np.ma.filled(array.astype(np.promote_types(array.dtype, np.float32)), np.nan)
     return np.asarray(array)
