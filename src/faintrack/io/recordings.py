@@ -43,8 +43,8 @@ def read(*paths: str | Path | Iterable[str | Path], start_pattern: str | None = 
     Parameters
     ----------
     paths : WAV and its kin, FLAC, SigMF, HDF5 (Acoular's layout), Zarr, SAC or miniSEED, told by suffix. Several
-        files must share the sample rate. Those that tell when they start are put on one time axis, from the first start to the
-        last end; those that do not tell must be equally long.
+        files must share the sample rate. Those that tell when they start are put on one time axis, from the first start
+        to the last end; those that do not tell must be equally long.
     start_pattern : how names of files tell the start in UTC, such as "%Y%m%d_%H%M%S", see
         `faintrack.io.names.start_in_name`; it takes the place of what the files tell.
 
