@@ -60,10 +60,16 @@ def test_an_older_file_is_replaced_only_by_a_complete_one(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_a_killed_run_left_is_swept_away(tmp_path, name):
-    (tmp_path / f"{name}.partial").mkdir()
+def test_what_others_have_beside_it_stays(tmp_path, name):
+    """Names that a writer might have taken for its own."""
     write_recording(tmp_path / name, [BLOCK], 100.0)
-    assert [path.name for path in tmp_path.iterdir()] == [name]
+    others = [tmp_path / f"{name}.{what}" for what in ("partial", "older")]
+    for other in others:
+        other.mkdir()
+        (other / "mynotes.txt").write_text("night")
+    write_recording(tmp_path / name, [BLOCK + 1], 100.0)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([name, *(other.name for other in others)])
+    assert all((other / "mynotes.txt").read_text() == "night" for other in others)
 
 
 def test_a_wav_file_is_plain_until_it_is_too_long(tmp_path, monkeypatch):

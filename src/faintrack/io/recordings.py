@@ -18,9 +18,12 @@ from faintrack.io.hierarchical import open_hdf5, open_zarr
 from faintrack.io.miniseed import open_miniseed
 from faintrack.io.names import start_in_name
 from faintrack.io.seismic import open_sac, station_names
+from faintrack.io.sigmf import open_sigmf
 
 READERS: dict[str, Callable[[Path], Recording]] = {
     **dict.fromkeys(SUFFIXES, open_audio),
+    ".sigmf-meta": open_sigmf,
+    ".sigmf-data": open_sigmf,
     ".h5": open_hdf5,
     ".hdf5": open_hdf5,
     ".zarr": open_zarr,
@@ -39,9 +42,9 @@ def read(*paths: str | Path | Iterable[str | Path], start_pattern: str | None = 
 
     Parameters
     ----------
-    paths : WAV and its kin, FLAC, HDF5 (Acoular's layout), Zarr, SAC or miniSEED, told by suffix. Several files must
-        share the sample rate. Those that tell when they start are put on one time axis, from the first start to the
-        last end; those that do not tell must be equally long.
+    paths : WAV and its kin, FLAC, SigMF, HDF5 (Acoular's layout), Zarr, SAC or miniSEED, told by suffix. Several
+        files must share the sample rate. Those that tell when they start are put on one time axis, from the first start
+        to the last end; those that do not tell must be equally long.
     start_pattern : how names of files tell the start in UTC, such as "%Y%m%d_%H%M%S", see
         `faintrack.io.names.start_in_name`; it takes the place of what the files tell.
 

@@ -1,11 +1,13 @@
 """Recordings to files, block by block.
 
-Samples go to a neighbour of the file, `rec.h5.partial`, which takes the file's name once it is complete:
+Samples go to a hidden neighbour of the file with a name of its own, which takes the file's name once it is complete:
 whoever finds `rec.h5` finds all of it, and an interrupted run leaves an older `rec.h5` as it was.
 
 HDF5 and Zarr keep names and start time (layout: `faintrack.io.hierarchical`); WAV has no place for either.
 """
 
+import os
+import secrets
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -111,16 +113,29 @@ def _checked(path: Path, block: np.ndarray, channels: int | None = None) -> np.n
 
 @contextmanager
 def completed(path: Path, complaint: str) -> Iterator[Path]:
-    """Name to write under; it becomes `path` if the block ends well, and is removed if it does not."""
-    partial = path.with_name(f"{path.name}.partial")
+    """Name to write under; it becomes `path` if the block ends well, and is removed if it does not.
+
+    The name is one that nobody else has: hidden, with a number drawn for it. Nothing is removed that was there before.
+    """
+    partial = _own_name(path, "partial")
     try:
-        with explained(complaint):
-            _remove(partial)  # from a run that was killed
         yield partial
         with explained(complaint):
+            _flush(partial)
             _put(partial, path)
     finally:
         _remove(partial)
+
+
+def _own_name(path: Path, what: str) -> Path:
+    return path.with_name(f".{path.name}.{secrets.token_hex(6)}.{what}")
+
+
+def _flush(partial: Path) -> None:
+    """Have a file on the disk before it gets its name, so that what bears the name is whole after a loss of power."""
+    if partial.is_file():
+        with partial.open("rb+") as file:
+            os.fsync(file.fileno())
 
 
 def _put(partial: Path, path: Path) -> None:
@@ -129,15 +144,18 @@ def _put(partial: Path, path: Path) -> None:
         partial.replace(path)
         return
     # A folder cannot take the place of another in one step; the older goes when the new one is there.
-    older = path.with_name(f"{path.name}.older")
-    _remove(older)
+    older = _own_name(path, "older")
     path.rename(older)
-    partial.rename(path)
+    try:
+        partial.rename(path)
+    except OSError:
+        older.rename(path)
+        raise
     _remove(older)
 
 
 def _remove(path: Path) -> None:
-    if path.is_dir():
+    if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
