@@ -59,7 +59,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "filter": {"particles": 300, "births": 150},
         "simulation": {
             "scans": 12,
-            "observers": [{"path": [[0.0, 0.0, 0.0], [12.0, 60.0, 0.0]]}],
+            "observers": [{"path": [[0.0, 0.0, 0.0]]}, {"path": [[0.0, 1500.0, 0.0], [12.0, 1500.0, 60.0]]}],
             "targets": [{"x": 500.0, "y": 800.0, "start": 2.0}],
         },
     },

@@ -70,7 +70,7 @@ def test_a_track_is_asked_for_by_its_label(kind: str) -> None:
 def test_report_picture_and_notebook(kind: str, tmp_path: Path) -> None:
     one = result(kind)
     text = one.report(tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "1 track in simulation" in text
+    assert "<h1>1 track in " in text
     assert "data:image/png;base64," in text
     assert isinstance(one.plot(), Figure)
     assert one._repr_html_().startswith(f"<h4>{one.kind.title}: simulation</h4><table>")

@@ -20,8 +20,8 @@ def main() -> None:
     def end(number: int, frame: FrameType | None) -> None:
         raise Terminated
 
+    before = signal.signal(signal.SIGTERM, end)
     try:
-        signal.signal(signal.SIGTERM, end)
         # Objects made between two searches for garbage: with Python's 700 they take a third of the time of imports.
         gc.set_threshold(100_000)
         from faintrack.cli.app import app
@@ -43,5 +43,6 @@ def main() -> None:
         print(INTERRUPTED, file=sys.stderr)
         sys.exit(143)
     finally:
+        signal.signal(signal.SIGTERM, before)
         # What the process leaves behind goes with it: a last search through it takes a second.
         gc.freeze()

@@ -19,7 +19,18 @@ def _holds(paths: tuple[Path, ...]) -> bool:
         return False
     from faintrack.io.sequences import holds_frames
 
-    return holds_frames(paths[0])
+    return holds_frames(paths[0]) and not _has_bearings(paths[0])
+
+
+def _has_bearings(path: Path) -> bool:
+    """Whether an axis is a direction, which no target in frames has a component for."""
+    from faintrack.errors import InputError
+    from faintrack.io.variables import open_npz
+
+    try:
+        return path.suffix.lower() == ".npz" and "bearing" in open_npz(path)
+    except InputError:
+        return False
 
 
 def _read(paths: tuple[Path, ...], scenario: FramesScenario | None) -> Sequence:
