@@ -17,7 +17,7 @@ from pydantic import Field
 from faintrack import InputError, Result, Scenario
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.kinds.kind import Kind, Plan
-from faintrack.kinds.loop import first_key
+from faintrack.kinds.loop import begun
 from faintrack.results.pictures import draw_component, draw_existence
 from faintrack.results.schema import Component, estimated
 from faintrack.results.truth import Known
@@ -145,7 +145,7 @@ def plan(counts: Counts, scenario: ToyScenario) -> Plan:
     return Plan(
         scenario=scenario,
         step=CountsStep(tracker),
-        state=tracker.init(first_key(scenario.filter.seed)),
+        state=begun(tracker, scenario.filter.seed),
         read=lambda start, stop: (times[start:stop], values[start:stop]),
         rows=rows,
         length=len(values),

@@ -73,7 +73,7 @@ def test_report_picture_and_notebook(kind: str, tmp_path: Path) -> None:
     assert "<h1>1 track in " in text
     assert "data:image/png;base64," in text
     assert isinstance(one.plot(), Figure)
-    assert one._repr_html_().startswith(f"<h4>{one.kind.title}: simulation</h4><table>")
+    assert one._repr_html_().startswith(f"<h4>{one.kind.title}: {one.data.attrs['source']}</h4><table>")
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 

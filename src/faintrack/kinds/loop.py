@@ -43,9 +43,22 @@ def run_key(plan_seed: int) -> PRNGKeyArray:
     return jax.random.key(plan_seed)
 
 
-def first_key(seed: int) -> PRNGKeyArray:
-    """Key with which a tracker begins."""
-    return jax.random.fold_in(run_key(seed), FIRST_KEY)
+@eqx.filter_jit
+def _init(tracker: Any, key: PRNGKeyArray) -> Any:
+    return tracker.init(key)
+
+
+def begun(tracker: Any, seed: int) -> Any:
+    """State of a tracker before the first scan.
+
+    Compiled as one program: by itself, each of its operations would be one, some twenty milliseconds each.
+
+    Parameters
+    ----------
+    tracker : with `init(key)`.
+    seed : of the run.
+    """
+    return _init(tracker, jax.random.fold_in(run_key(seed), FIRST_KEY))
 
 
 def advance(

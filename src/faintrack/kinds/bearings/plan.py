@@ -18,7 +18,7 @@ from faintrack.errors import naming
 from faintrack.kinds.bearings.build import build_sensor, build_tracker, chosen
 from faintrack.kinds.bearings.sections import BearingsScenario
 from faintrack.kinds.kind import Plan
-from faintrack.kinds.loop import first_key
+from faintrack.kinds.loop import begun
 from faintrack.numerics.precision import full_precision
 from faintrack.results.schema import estimated, planar
 from faintrack.sensors.bearing_sets import ObserverSets
@@ -90,7 +90,7 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
     return Plan(
         scenario=chosen(scenario),
         step=BearingsStep(tracker),
-        state=tracker.init(first_key(scenario.filter.seed)),
+        state=begun(tracker, scenario.filter.seed),
         read=read,
         rows=rows,
         length=length,

@@ -27,7 +27,7 @@ from faintrack.kinds.frames.build import (
 )
 from faintrack.kinds.frames.sections import FramesScenario
 from faintrack.kinds.kind import Plan
-from faintrack.kinds.loop import first_key
+from faintrack.kinds.loop import begun
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import HALF, Component, estimated
 from faintrack.sensors.cells import Cells, cell_surface
@@ -128,7 +128,7 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
     return Plan(
         scenario=chosen(scenario, sequence),
         step=FramesStep(background, tracker, cells),
-        state=(background.init(first), tracker.init(first_key(scenario.filter.seed)), surfaces),
+        state=(background.init(first), begun(tracker, scenario.filter.seed), surfaces),
         read=read,
         rows=rows,
         length=sequence.length,

@@ -17,7 +17,7 @@ from faintrack.io.recordings import without_copies
 from faintrack.kinds.beamforming import plan_frames
 from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
-from faintrack.kinds.loop import first_key
+from faintrack.kinds.loop import begun
 from faintrack.kinds.recording.build import build_tracker, default_snr_db
 from faintrack.kinds.recording.checks import about_array, about_levels, as_heard
 from faintrack.kinds.recording.sections import RecordingScenario
@@ -98,7 +98,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     return Plan(
         scenario=_chosen(scenario, array, beamformer, recording.sample_rate),
         step=RecordingStep(beamformer, tracker),
-        state=tracker.init(first_key(scenario.filter.seed)),
+        state=begun(tracker, scenario.filter.seed),
         read=read,
         rows=rows,
         length=count,

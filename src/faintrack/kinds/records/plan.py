@@ -18,7 +18,7 @@ from faintrack.data.recording import Recording
 from faintrack.data.records import InStep
 from faintrack.errors import InputError, naming
 from faintrack.kinds.kind import Plan
-from faintrack.kinds.loop import first_key
+from faintrack.kinds.loop import begun
 from faintrack.kinds.records.build import (
     build_fans,
     build_placed,
@@ -107,7 +107,7 @@ def plan(data: Records, scenario: RecordsScenario) -> Plan:
     return Plan(
         scenario=_chosen(scenario, data, arrays),
         step=RecordsStep(tracker, scenario.energies.absent is None),
-        state=tracker.init(first_key(scenario.filter.seed)),
+        state=begun(tracker, scenario.filter.seed),
         read=read,
         rows=rows,
         length=together.length,

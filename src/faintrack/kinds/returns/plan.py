@@ -20,7 +20,7 @@ from faintrack.beliefs.grids import Grid, marginal
 from faintrack.data.returns import Returns
 from faintrack.errors import naming
 from faintrack.kinds.kind import Plan
-from faintrack.kinds.loop import first_key
+from faintrack.kinds.loop import begun
 from faintrack.kinds.returns.build import build_binned, build_grid, build_tracker, chosen, ping_interval
 from faintrack.kinds.returns.sections import ReturnsScenario
 from faintrack.kinds.snapshots import slots_of, snapshots_of
@@ -123,7 +123,7 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
     return Plan(
         scenario=chosen(scenario),
         step=ReturnsStep(tracker, grid),
-        state=(tracker.init(first_key(scenario.filter.seed)), maps),
+        state=(begun(tracker, scenario.filter.seed), maps),
         read=read,
         rows=rows,
         length=returns.length,
