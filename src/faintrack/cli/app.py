@@ -27,12 +27,13 @@ for command in (
 app.add_typer(study.app, name="study")
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool) -> bool:
     if wanted:
         from importlib.metadata import version
 
         print(f"faintrack {version('faintrack')}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()
