@@ -9,7 +9,7 @@ import soundfile
 
 from tests.cli.calling import SCENARIO, call
 
-LINE = "line = {count = 4, spacing = 0.5}\n"
+LINE = "sound_speed = 1500.0\nline = {count = 4, spacing = 0.5}\n"
 
 
 @pytest.fixture
@@ -197,7 +197,7 @@ def test_recording_with_a_scenario_for_frames(folder: Path) -> None:
     refuse(
         folder,
         *("track", folder / "good.wav", "--scenario", folder / "scenario.toml"),
-        names=("good.wav", "unknown kind of file", ".npz"),
+        names=("good.wav", "holds recording", "frames"),
     )
 
 

@@ -10,7 +10,7 @@ from faintrack.kinds.kind import Plan
 SCENARIOS: dict[str, dict[str, Any]] = {
     "recording": {
         "kind": "recording",
-        "array": {"line": {"count": 4, "spacing": 1.5}},
+        "array": {"sound_speed": 1500.0, "line": {"count": 4, "spacing": 1.5}},
         "analysis": {"frame": 0.2, "beams": 24},
         "filter": {"particles": 60, "births": 30},
         "simulation": {

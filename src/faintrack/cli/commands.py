@@ -57,7 +57,7 @@ def demo(
 
 
 def simulate(
-    scenario: Annotated[Path, typer.Argument(help="TOML file with [simulation].")],
+    scenario: Annotated[Path, typer.Argument(help=r"TOML file with \[simulation].")],
     out: Annotated[Path, typer.Option(help="File to write; .zarr holds every kind of data.")],
     settings: Settings = None,
 ) -> None:
@@ -112,7 +112,9 @@ def track(
 
     with progress_bar("tracking", quiet=as_json) as advance:
         # Without a folder only tables are printed: what pictures need is not kept.
-        result = run(files, scenario, out=out, truth=truth, progress=advance, pictures=out is not None, **sections)
+        result = run(
+            files, scenario, out=out, truth=truth, progress=advance, tell=tell, pictures=out is not None, **sections
+        )
     if as_json:
         print(json.dumps(result.summary()))
     else:

@@ -116,6 +116,11 @@ def _read_csv(path: Path, components: Sequence[str]) -> tuple[list[tuple[Any, ..
             else:
                 time = table.number(row[found["time_s"]], f"row {line}: time_s")
             place = [table.number(row[found[axis]], f"row {line}: {axis}") for axis in axes]
+            if degrees and place[0] == NOT_AVAILABLE:
+                continue
+            for axis, value, most in zip(axes, place, (90, 360), strict=True) if degrees else ():
+                if abs(value) > most:
+                    raise InputError(f"{where}: {axis} is {value:g}; expected -{most} to {most} degrees.")
             reports.append((row[found["ship"]].strip(), time, *place))
     return reports, in_utc, degrees
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from faintrack.data.bearings import Bearings, from_columns, require_names, to_columns
 from faintrack.io.checks import explained
-from faintrack.io.columns import read_table, write_table
+from faintrack.io.columns import read_table, without_repeats, write_table
 
 
 def read_bearings(path: str | Path) -> Bearings:
@@ -54,7 +54,8 @@ def read_bearings(path: str | Path) -> Bearings:
     path = Path(path)
     with explained(f"{path} cannot be read as bearings"):
         columns, rows, remarks = read_table(path, "bearings", "row", require_names)
-        return replace(from_columns(columns, rows, str(path)), remarks=remarks)
+        columns, rows, repeats = without_repeats(columns, rows)
+        return replace(from_columns(columns, rows, str(path)), remarks=remarks + repeats)
 
 
 def write_bearings(path: str | Path, bearings: Bearings) -> None:

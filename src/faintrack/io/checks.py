@@ -223,7 +223,8 @@ def number(text: str, field: str) -> float:
     1500.0
     """
     try:
-        value = float(text)
+        # Python knows 1_000; files do not.
+        value = float("none" if "_" in text else text)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):

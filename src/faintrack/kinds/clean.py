@@ -1,4 +1,4 @@
-"""Recordings and frames behind the gate for values: what is missing is left out, in a scale that can be squared."""
+"""Data behind the gate for values: what is missing is left out, in a scale that can be squared."""
 
 from dataclasses import replace
 
@@ -43,6 +43,34 @@ class CleanRecording:
     def remarks(self) -> tuple[str, ...]:
         """What was left out of what was read so far; one sentence each."""
         return () if self._missing is None else self._missing.sentences(self._names, self._rate)
+
+
+class CleanRecord:
+    """A bearing-time record whose energies are looked at as they are read; see `faintrack.data.missing`.
+
+    Attributes
+    ----------
+    record : the same, NaN where energies are missing.
+    """
+
+    def __init__(self, record: Sequence) -> None:
+        self._times = record.times
+        self._missing: Missing | None = None
+        self._stop = 0
+        own = level(np.asarray(record.read(0, 1)))
+
+        def read(start: int, stop: int) -> np.ndarray:
+            clean, missing = gate_frames(record.read(start, stop), level=own)
+            if start >= self._stop:
+                self._missing = missing if self._missing is None else self._missing + missing
+                self._stop = stop
+            return clean
+
+        self.record = replace(record, read=read)
+
+    def remarks(self) -> tuple[str, ...]:
+        """What was left out of what was read so far; one sentence each."""
+        return () if self._missing is None else self._missing.sentences(sample_rate=1 / _interval(self._times))
 
 
 class CleanFrames:
@@ -97,6 +125,11 @@ class CleanFrames:
 
     def remarks(self) -> tuple[str, ...]:
         """What was left out of what was read so far; one sentence each."""
-        times = self._sequence.times
-        apart = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
-        return () if self._missing is None else self._missing.sentences(sample_rate=1 / apart)
+        if self._missing is None:
+            return ()
+        return self._missing.sentences(sample_rate=1 / _interval(self._sequence.times))
+
+
+def _interval(times: np.ndarray) -> float:
+    """Between two frames; seconds."""
+    return float(np.median(np.diff(times))) if len(times) > 1 else 1.0

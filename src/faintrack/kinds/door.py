@@ -19,7 +19,7 @@ from faintrack.kinds.kind import Kind, Plan
 from faintrack.kinds.loop import Checkpoint, advance, datasets
 from faintrack.kinds.scenario import Scenario, kind_of_sections, merged, scenario_of
 from faintrack.numerics.compiled import keep_compilations
-from faintrack.results.folder import open_blocks, read_folder, result_folder, write_blocks, write_rest
+from faintrack.results.folder import open_blocks, read_folder, require_place, result_folder, write_blocks, write_rest
 from faintrack.results.result import Result
 from faintrack.results.schema import joined
 from faintrack.results.track import Track, tracks_of
@@ -133,10 +133,12 @@ def track(
     ([], 8, 180)
     """
     keep_compilations()
+    if out is not None:
+        require_place(Path(out))
     kind, data, what_to_run = opened(what, scenario, sections)
     start = clock.perf_counter()
     plan = kind.plan(data, what_to_run)
-    for check in (*getattr(data, "remarks", ()), *plan.checks):
+    for check in dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks)):
         tell(check)
     blocks = _counted(datasets(plan), plan, progress)
     if truth is not None:
@@ -233,14 +235,22 @@ def info(*paths: str | Path, kind: str | None = None, scenario: Any = None, **se
     ------
     InputError : as `read`.
     """
-    found, data, _ = opened(paths, scenario, {**sections, **({} if kind is None else {"kind": kind})}, reading=True)
+    given = {**sections, **({} if kind is None else {"kind": kind})}
+    found, data, complete = opened(paths, scenario, given, reading=True)
+    remarks = (*getattr(data, "remarks", ()), *(() if complete is None else _checked(found, data, complete)))
     files = " ".join(str(path) for path in paths)
     needed = "" if isinstance(scenario, str | Path) is False else f" --scenario {scenario}"
     if not needed and found.needs:
         needed = f" {' '.join(found.needs)}"
-    return Info(
-        found.name, found.describe(data), tuple(getattr(data, "remarks", ())), f"faintrack track {files}{needed}"
-    )
+    return Info(found.name, found.describe(data), tuple(dict.fromkeys(remarks)), f"faintrack track {files}{needed}")
+
+
+def _checked(kind: Kind, data: Any, scenario: Scenario) -> tuple[str, ...]:
+    """What a scenario cannot tell of data, or why it does not fit them."""
+    try:
+        return kind.plan(data, scenario).checks
+    except InputError as error:
+        return (str(error),)
 
 
 def read_result(folder: str | Path) -> Result:
@@ -353,6 +363,8 @@ def kind_of_files(paths: tuple[Path, ...], given: Given) -> Kind:
         raise InputError(f"{listed}: it may hold {names}; expected a scenario with kind = one of them (--kind KIND).")
     # What the sections are of decides where the files do not tell, and is refused where they tell something else.
     name = given.kind
+    if name is not None and kind_named(name).takes(paths):
+        return kind_named(name)
     if holding:
         kind = holding[0]
         other = next(field for field in given.sections if field not in kind.scenario.model_fields)
@@ -387,7 +399,8 @@ def _paths(what: Any) -> tuple[Path, ...]:
     ------
     InputError : they are no paths, or do not exist.
     """
-    several = what if isinstance(what, list | tuple) else (what,)
+    given = what if isinstance(what, list | tuple) else (what,)
+    several = [path for one in given for path in (one if isinstance(one, list | tuple) else (one,))]
     if not several or not all(isinstance(path, str | Path) for path in several):
         kinds_in_memory = ", ".join(kind.data.__name__ for kind in kinds())
         wrong = next((one for one in several if not isinstance(one, str | Path)), what)

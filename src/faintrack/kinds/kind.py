@@ -82,6 +82,7 @@ class Kind:
     scenario : class of its scenarios.
     data : class of its data in memory.
     holds : whether files can be nothing else; function of paths.
+    takes : whether files that hold another kind can be read too, where the sections of a scenario are of this one.
     read : function of paths and a scenario, or None where there is none, to data.
     write : function of a path and data, that writes what `read` reads.
     plan : function of data and scenario to a `Plan`.
@@ -113,3 +114,4 @@ class Kind:
     shown: str
     calibrate: Callable[..., Any] | None = None
     needs: tuple[str, ...] = ()
+    takes: Callable[[tuple[Path, ...]], bool] = lambda paths: False

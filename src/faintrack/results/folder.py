@@ -63,7 +63,7 @@ def result_folder(path: str | Path) -> Iterator[Path]:
         missing or cannot be written.
     """
     path = Path(path)
-    _require_replaceable(path)
+    require_place(path)
     with ExitStack() as held:
         try:
             held.enter_context(locked(path.with_name(f".{path.name}.lock")))
@@ -85,10 +85,19 @@ def result_folder(path: str | Path) -> Iterator[Path]:
             shutil.rmtree(partial, ignore_errors=True)
 
 
-def _require_replaceable(path: Path) -> None:
-    """Refuse what is no place for a result."""
+def require_place(path: Path) -> None:
+    """Refuse what is no place for a result.
+
+    Raises
+    ------
+    InputError : as `result_folder`.
+    """
     if path.is_symlink():
         raise InputError(f"{path} is a link; expected the folder itself for --out.")
+    if not path.parent.is_dir():
+        raise InputError(f"{path} cannot be written: there is no folder {path.parent}.")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{path} cannot be written: {path.parent} is read-only.")
     if not path.exists():
         return
     if not path.is_dir() or not ((path / "result.zarr").exists() or not any(path.iterdir())):

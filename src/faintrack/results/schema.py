@@ -39,6 +39,9 @@ SUFFIXES = {
 }
 """What a unit adds to the name of a column; units of cells add nothing."""
 
+NORTH, AXIS = "clockwise from north", "from the array axis"
+"""What bearings are counted from: -180 to 180 degrees, or 0 to 180 of a line."""
+
 
 @dataclass(frozen=True)
 class Component:
@@ -76,7 +79,7 @@ def bearing(reference: str, level: bool = True) -> tuple[Component, ...]:
 
     Parameters
     ----------
-    reference : what bearings are counted from, such as "clockwise from north".
+    reference : what bearings are counted from, `NORTH` or `AXIS`.
     level : whether the SNR is told.
     """
     degrees = float(np.degrees(1))
@@ -127,11 +130,11 @@ def estimated(times: np.ndarray, estimates: Any, components: tuple[Component, ..
         "track_existence": _of_slots(np.where(label > 0, own, 0), "1", "probability that the track's target exists"),
     }
     for component in components:
+        attributes = component.attributes or {}
         values = np.where(held, slots(getattr(estimates.mean, component.name)) * component.scale, np.nan)
+        values = on_the_circle(values, attributes)
         long_name = f"mean {component.name.replace('_', ' ')}"
-        variables[component.name] = _of_slots(
-            values.astype(np.float32), component.unit, long_name, **(component.attributes or {})
-        )
+        variables[component.name] = _of_slots(values.astype(np.float32), component.unit, long_name, **attributes)
     variables["covariance"] = (
         ("time", "slot", "component", "other"),
         np.where(held[..., None, None], covariance, np.nan).astype(np.float32),
@@ -149,6 +152,17 @@ def estimated(times: np.ndarray, estimates: Any, components: tuple[Component, ..
         "place": ("component", [component.place for component in components]),
     }
     return xr.Dataset(variables, coordinates)
+
+
+def on_the_circle(values: np.ndarray, attributes: Mapping[Any, Any]) -> np.ndarray:
+    """Values of a component as they are told: bearings from north lie in -180 to 180 degrees.
+
+    Examples
+    --------
+    >>> on_the_circle(np.array([-185.0, 330.0]), {"reference": NORTH}).tolist()
+    [175.0, -30.0]
+    """
+    return (values + 180) % 360 - 180 if attributes.get("reference") == NORTH else values
 
 
 def of_scans(values: Any, units: str, long_name: str, **attributes: str) -> tuple[str, np.ndarray, dict[str, str]]:

@@ -2,18 +2,21 @@
 
 `states.csv` has a row for each track and scan, `tracks.csv` a row for each track. `tracks.geojson` has a line for each
 track and is written where there is a place on earth, as its standard (RFC 7946) knows no metres; the property
-`coordTimes` tells the time of each of its points.
+`coordTimes` tells the time of each scan.
 """
 
 import csv
 import json
+import math
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
 
 from faintrack.errors import InputError
 from faintrack.results.schema import column, places, units
@@ -73,10 +76,8 @@ def write_geojson(path: Path, data: xr.Dataset) -> None:
     """
     features = []
     for track in tracks_of(data):
-        points = np.stack([track.earth["longitude"], track.earth["latitude"]], axis=-1).round(7).tolist()
-        geometry: dict[str, Any] = {"type": "LineString", "coordinates": points}
-        if len(points) == 1:
-            geometry = {"type": "Point", "coordinates": points[0]}
+        points = np.stack([track.earth["longitude"], track.earth["latitude"]], axis=-1)
+        geometry = _line(points)
         row = track.summary()
         utc = track.utc
         times = track.time.tolist() if utc is None else [f"{np.datetime_as_string(t, unit='ms')}Z" for t in utc]
@@ -85,6 +86,31 @@ def write_geojson(path: Path, data: xr.Dataset) -> None:
         features.append({"type": "Feature", "geometry": geometry, "properties": properties})
     text = json.dumps({"type": "FeatureCollection", "features": features})
     path.write_text(text + "\n", encoding="utf-8")
+
+
+def _line(points: Float[np.ndarray, "point 2"]) -> dict[str, Any]:
+    """Geometry of a track; a line that crosses 180 degrees is cut there, as RFC 7946 wants it.
+
+    Examples
+    --------
+    >>> _line(np.array([[179.0, 1.0], [-179.0, 3.0]]))["coordinates"]
+    [[[179.0, 1.0], [180.0, 2.0]], [[-180.0, 2.0], [-179.0, 3.0]]]
+    """
+    if len(points) == 1:
+        return {"type": "Point", "coordinates": points[0].round(7).tolist()}
+    lines = [[points[0].tolist()]]
+    for before, after in pairwise(points):
+        edge = math.copysign(180.0, before[0])
+        way = math.remainder(after[0] - before[0], 360)
+        if abs(after[0] - before[0]) > 180:
+            latitude = before[1] + (edge - before[0]) / way * (after[1] - before[1])
+            lines[-1].append([edge, latitude])
+            lines.append([[-edge, latitude]])
+        lines[-1].append(after.tolist())
+    rounded = [np.round(line, 7).tolist() for line in lines]
+    if len(rounded) == 1:
+        return {"type": "LineString", "coordinates": rounded[0]}
+    return {"type": "MultiLineString", "coordinates": rounded}
 
 
 def to_stonesoup(tracks: Sequence[Track]) -> list[Any]:

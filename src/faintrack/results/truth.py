@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
 
-from faintrack.results.schema import column, places, units
+from faintrack.results.schema import column, on_the_circle, places, units
 
 Places = dict[str, Float[np.ndarray, " time"]]
 
@@ -64,7 +64,7 @@ def with_truth(block: xr.Dataset, known: Sequence[Known], within: float) -> xr.D
     variables = {
         f"truth_{name}": (
             ("time", "known"),
-            np.stack([place[name] for place in at], axis=1).astype(np.float32),
+            on_the_circle(np.stack([place[name] for place in at], axis=1), block[name].attrs).astype(np.float32),
             {"units": of[name], "long_name": f"true {name}"},
         )
         for name in places(block)

@@ -14,6 +14,7 @@ from north, -pi to pi. A three-dimensional array is steered horizontally as well
 """
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -112,13 +113,14 @@ def sensor_array(
     >>> sensor_array(np.array([[0.0, 0.0], [0.0, 1.0], [2.0, 0.0]])).circular
     True
     """
-    positions = np.asarray(positions, np.float64)
+    positions = _numbers(positions, "positions")
+    sound_speed = float(_numbers(sound_speed, "sound_speed", axes=0))
     if positions.ndim != 2 or positions.shape[1] not in (2, 3):
         raise InputError(f"positions have shape {positions.shape}; expected (channels, 2) or (channels, 3).")
     if positions.shape[1] == 2:
         positions = np.column_stack([positions, np.zeros(len(positions))])
     count = len(positions)
-    gains = np.ones(count) if gains is None else np.asarray(gains, np.float64)
+    gains = np.ones(count) if gains is None else _numbers(gains, "gains")
     names = tuple(str(i) for i in range(count)) if channel_names is None else tuple(channel_names)
     if gains.shape != (count,) or len(names) != count:
         raise InputError(
@@ -144,7 +146,18 @@ def sensor_array(
     axis = axis / np.linalg.norm(axis)
     off_axis = positions - np.outer(positions @ axis, axis)
     on_line = np.abs(off_axis[gains != 0]).max() < 1e-6 * scale
-    return SensorArray(positions, float(sound_speed), gains, axis if on_line else None, names)
+    return SensorArray(positions, sound_speed, gains, axis if on_line else None, names)
+
+
+def _numbers(values: Any, name: str, axes: int | None = None) -> Float[np.ndarray, "..."]:
+    """What was given as numbers, in double precision; text of a number is one."""
+    try:
+        numbers = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        numbers = None
+    if numbers is None or axes not in (None, numbers.ndim):
+        raise InputError(f"{name} is {str(values)[:80]!r}; expected {'a number' if axes == 0 else 'numbers'}.")
+    return numbers
 
 
 def straightened(array: SensorArray, tolerance: float) -> tuple[SensorArray, float]:

@@ -20,7 +20,7 @@ from faintrack.kinds.bearings.sections import BearingsScenario
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
 from faintrack.numerics.precision import full_precision
-from faintrack.results.schema import estimated, planar
+from faintrack.results.schema import NORTH, estimated, planar
 from faintrack.sensors.bearing_sets import ObserverSets
 from faintrack.signal.bearing_sets import in_sets
 from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
@@ -106,7 +106,7 @@ def _of_observers(
     """What the observers of some scans reported, whether it was the target's, and where they were."""
     sets, entries = block.sets, ("time", "observer", "entry")
     degrees = np.where(sets.there, (90 - np.degrees(sets.bearing)) % 360, np.nan)
-    reported = {"units": "degree", "long_name": "bearings of the scan", "reference": "clockwise from north"}
+    reported = {"units": "degree", "long_name": "bearings of the scan", "reference": NORTH}
     chance = {"units": "1", "long_name": "probability that the bearing is the target's"}
     variables: dict[str, Any] = {
         "reported": (entries, degrees, reported),

@@ -40,7 +40,17 @@ def _read(paths: tuple[Path, ...], scenario: FramesScenario | None) -> Sequence:
     if len(paths) > 1:
         raise InputError(f"{len(paths)} files of frames were given; expected one file, or one folder of images.")
     section = FramesScenario().frames if scenario is None else scenario.frames
-    return read_sequence(paths[0], section.variable, section.dims, section.frame_interval)
+    return read_sequence(
+        paths[0],
+        section.variable,
+        section.dims,
+        section.frame_interval,
+        # Pixels that are no numbers are missing.
+        gaps=True,
+        coordinates=section.coordinates,
+        select=section.select,
+        start_pattern=section.start_pattern,
+    )
 
 
 def _write(path: Path, sequence: Sequence) -> None:

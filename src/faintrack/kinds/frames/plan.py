@@ -98,8 +98,10 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
     ------
     InputError : sequence and scenario do not fit together, or a frame cannot be read.
     """
-    if scenario.frames.frame_interval is not None:
-        sequence = replace(sequence, times=np.arange(sequence.length) * scenario.frames.frame_interval)
+    interval = scenario.frames.frame_interval
+    # Frames of a file have it already, with gaps where numbered images are missing.
+    if interval is not None and not np.isclose(np.diff(sequence.times).min(initial=np.inf), interval):
+        sequence = replace(sequence, times=np.arange(sequence.length) * interval)
     with naming(sequence.source):
         background, tracker = build_background(scenario, sequence), build_tracker(scenario, sequence)
     cells, images = Cells(sequence.axes), len(sequence.axes) > 1

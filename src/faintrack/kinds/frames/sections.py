@@ -17,6 +17,9 @@ class FramesSection(Section):
     variable : name of the array that holds the frames; see `faintrack.io.read_sequence` where not given.
     dims : names of its axes in the order of the file, one of them time.
     frame_interval : s from frame to frame; the file's own times where not given.
+    coordinates : names of the arrays that hold the values along an axis: {range = "rng"}.
+    select : which place to take of an axis that is no part of a frame: {channel = 0}.
+    start_pattern : how the names of images tell their time: "%Y%m%d_%H%M%S".
     background : "whiten", a scene of unknown brightness before which the target moves; "clutter", power of echoes with
         an unknown level in every cell; "none", noise of the level `cells.noise`. Where not given, "whiten" for images
         and "clutter" for all else.
@@ -27,6 +30,9 @@ class FramesSection(Section):
     variable: str | None = None
     dims: Annotated[tuple[str, ...], Field(strict=False)] | None = None
     frame_interval: float | None = Field(default=None, gt=0)
+    coordinates: dict[str, str] | None = None
+    select: dict[str, Annotated[int, Field(ge=0)]] | None = None
+    start_pattern: str | None = None
     background: Literal["whiten", "clutter", "none"] | None = None
     memory: float | None = Field(default=None, ge=0)
 

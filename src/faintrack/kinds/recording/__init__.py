@@ -15,7 +15,9 @@ from faintrack.kinds.rooms import room
 
 
 def _holds(paths: tuple[Path, ...]) -> bool:
-    suffixes = (".wav", ".flac", ".sac", ".mseed", ".miniseed", ".ms")
+    from faintrack.io.audio import SUFFIXES
+
+    suffixes = (*SUFFIXES, ".sac", ".mseed", ".miniseed", ".ms")
     if all(path.suffix.lower() in suffixes for path in paths):
         return True
     return len(paths) == 1 and paths[0].suffix.lower() in (".h5", ".hdf5", ".zarr") and _has_samples(paths[0])
@@ -32,7 +34,7 @@ def _has_samples(path: Path) -> bool:
 def _read(paths: tuple[Path, ...], scenario: RecordingScenario | None) -> Recording:
     from faintrack.io.recordings import read
 
-    return read(*paths)
+    return read(*paths, start_pattern=None if scenario is None else scenario.files.start_pattern)
 
 
 def _write(path: Path, recording: Recording) -> None:

@@ -15,13 +15,13 @@ from faintrack.errors import InputError, naming
 from faintrack.io.arrays import matched
 from faintrack.io.recordings import without_copies
 from faintrack.kinds.beamforming import plan_frames
+from faintrack.kinds.checks import about_array, about_levels, as_heard
 from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
 from faintrack.kinds.recording.build import build_tracker, default_snr_db
-from faintrack.kinds.recording.checks import about_array, about_levels, as_heard
 from faintrack.kinds.recording.sections import RecordingScenario
-from faintrack.results.schema import bearing, estimated, of_scans
+from faintrack.results.schema import AXIS, NORTH, bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamScan, bearings, lobe_width
@@ -199,7 +199,7 @@ def _dataset(
     frame: float,
 ) -> xr.Dataset:
     """Estimates of consecutive frames in the schema, with the bearing-time record."""
-    reference = "clockwise from north" if array.circular else "from the array axis"
+    reference = NORTH if array.circular else AXIS
     masked = (~usable & array.alive).sum(axis=1).astype(np.int32)
     data = estimated(time, estimates, bearing(reference))
     data["masked_channels"] = of_scans(masked, "1", "channels left out, samples missing", counted="masked_scans")

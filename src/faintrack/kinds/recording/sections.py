@@ -10,6 +10,17 @@ from faintrack.scenario.section import Pair, Section
 from faintrack.scenario.sections import AnalysisSection, ParticlesSection, TargetSection, TrackerSection
 
 
+class FilesSection(Section):
+    """How files are read.
+
+    Attributes
+    ----------
+    start_pattern : how their names tell the start in UTC: "%Y%m%d_%H%M%S"; what they tell themselves where not given.
+    """
+
+    start_pattern: str | None = None
+
+
 class SourceTargetSection(TargetSection):
     """What is known of targets before any scan.
 
@@ -153,6 +164,7 @@ class RecordingScenario(Scenario):
 
     kind: Literal["recording"] = "recording"
     array: ArraySection | None = None
+    files: FilesSection = FilesSection()
     analysis: AnalysisSection = AnalysisSection()
     target: SourceTargetSection = SourceTargetSection()
     likelihood: LikelihoodSection = LikelihoodSection()

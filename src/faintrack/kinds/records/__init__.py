@@ -24,6 +24,13 @@ def _holds(paths: tuple[Path, ...]) -> bool:
     return all(map(holds, paths))
 
 
+def _takes(paths: tuple[Path, ...]) -> bool:
+    """Recordings become records."""
+    from faintrack.io.recordings import READERS
+
+    return all(path.suffix.lower() in READERS for path in paths)
+
+
 def _write(path: Path, data: Records) -> None:
     """One npz for each station; of several they have the names of the stations after that of the file."""
     from faintrack.errors import InputError
@@ -81,4 +88,5 @@ KIND = Kind(
     draw=room("faintrack.kinds.records.pictures", "draw"),
     shown="Map, records, detection",
     needs=("--scenario FILE",),
+    takes=_takes,
 )

@@ -32,6 +32,11 @@ class Records:
     paths: Mapping[str, Path] = field(default_factory=dict)
     arrays: Mapping[str, SensorArray] = field(default_factory=dict)
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was assumed, left out, or does not fit; one sentence each."""
+        return tuple(f"{record.source}: {remark}" for record in self.records for remark in record.remarks)
+
 
 def from_records(
     records: Any,

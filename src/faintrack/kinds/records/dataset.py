@@ -5,7 +5,6 @@ Targets that an array hears by itself have a bearing in place of a position. A t
 while has no label there.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from jaxtyping import Float
 from faintrack.data.records import InStep
 from faintrack.kinds.records.build import Placed
 from faintrack.kinds.records.sections import RecordsScenario
-from faintrack.results.schema import HALF, bearing, estimated, of_scans, planar
+from faintrack.results.schema import AXIS, HALF, NORTH, bearing, estimated, of_scans, planar
 from faintrack.scenario.plane import Plane
 from faintrack.sensors.stations import Fans
 from faintrack.trackers.detectors import Detectors
@@ -49,7 +48,6 @@ def scans_dataset(
     alone = scenario.region is None
     if alone:
         data = estimated(times, estimates, bearing(reference(fans.line[0]), level=False))
-        data = data.assign(bearing=_from_the_first_beam(data.bearing, fans))
     else:
         data = estimated(times, estimates, planar()).assign(_places_of_arrays(placed, part))
     unit = "1" if scenario.energies.absent is not None else "standard deviations above the median"
@@ -90,7 +88,7 @@ def scans_dataset(
 
 def reference(line: bool) -> str:
     """What bearings of an array are counted from."""
-    return "from the array axis" if line else "clockwise from north"
+    return AXIS if line else NORTH
 
 
 def start_of_scans(together: InStep) -> str:
@@ -99,14 +97,6 @@ def start_of_scans(together: InStep) -> str:
         return ""
     since = np.timedelta64(round(together.times[0] * 1e9), "ns")
     return f"{together.start_time + since}Z"
-
-
-def _from_the_first_beam(bearings: xr.DataArray, fans: Fans) -> xr.DataArray:
-    """Bearings that an array by itself hears, which begin where those of its beams do; degrees."""
-    if fans.line[0]:
-        return bearings
-    first = math.degrees(fans.first[0] - fans.step[0] / 2)
-    return bearings.copy(data=first + (bearings.values - first) % 360)
 
 
 def _places_of_arrays(placed: Placed, part: slice) -> dict[str, Any]:

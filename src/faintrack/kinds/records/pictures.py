@@ -118,7 +118,9 @@ def draw_heard(axes: Axes, data: xr.Dataset, number: int) -> None:
                 :, 0
             ]
         else:
-            values = track.mean["bearing"]
+            # Beams may be counted from elsewhere.
+            first = float(bearing[0] - (bearing[1] - bearing[0]) / 2)
+            values = track.mean["bearing"] if line else first + (track.mean["bearing"] - first) % 360
             _name(axes, track.label, (float(track.time[0]), float(values[0])))
         jumps = np.flatnonzero(np.abs(np.diff(values)) > 180) + 1
         axes.plot(

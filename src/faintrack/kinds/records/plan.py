@@ -31,7 +31,7 @@ from faintrack.kinds.records.build import (
 from faintrack.kinds.records.data import Records
 from faintrack.kinds.records.dataset import scans_dataset
 from faintrack.kinds.records.sections import RecordsScenario
-from faintrack.kinds.records.together import arrays_of, paths_of, put_together, require_one_each
+from faintrack.kinds.records.together import arrays_of, cleaned, paths_of, put_together, require_one_each
 from faintrack.scenario.array import describe
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
@@ -85,7 +85,9 @@ def plan(data: Records, scenario: RecordsScenario) -> Plan:
     InputError : records, paths, channels and scenario do not fit together.
     """
     require_one_each(data, scenario)
-    arrays, paths = arrays_of(data, scenario), paths_of(data, scenario)
+    arrays, checks = arrays_of(data, scenario)
+    data, remarks = cleaned(data)
+    paths = paths_of(data, scenario)
     together = put_together(data, scenario, arrays)
     plane = build_plane(scenario)
     placed = build_placed(scenario, together, paths, arrays, plane)
@@ -115,8 +117,23 @@ def plan(data: Records, scenario: RecordsScenario) -> Plan:
         seed=scenario.filter.seed,
         plane=plane,
         within=_within(scenario, fans),
+        checks=(*checks, *_apart(together)),
+        remarks=remarks,
         limits=None if scenario.region is None else dict(zip("xy", build_region(scenario, plane), strict=True)),
     )
+
+
+def _apart(together: InStep) -> tuple[str, ...]:
+    """Rows of records that belong to no scan."""
+    said = []
+    for record, scans in zip(together.records, together.scans, strict=True):
+        rest = int(((scans < 0) | (scans >= together.length)).sum())
+        if rest:
+            said.append(
+                f"{record.source}: {rest} of {record.length} rows lie outside the time that two records share; they "
+                "were left out."
+            )
+    return tuple(said)
 
 
 def _within(scenario: RecordsScenario, fans: Fans) -> float:

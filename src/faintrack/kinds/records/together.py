@@ -1,6 +1,6 @@
 """Data of stations on one time axis: recordings become records, records come in step, arrays stand where they stood."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import equinox as eqx
@@ -13,9 +13,11 @@ from faintrack.data.recording import Recording
 from faintrack.data.records import InStep, in_step
 from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError, naming
-from faintrack.io.arrays import match_channels
+from faintrack.io.arrays import matched
+from faintrack.io.recordings import without_copies
 from faintrack.kinds.beamforming import plan_frames
-from faintrack.kinds.clean import CleanRecording
+from faintrack.kinds.checks import about_array, about_levels, as_heard
+from faintrack.kinds.clean import CleanRecord, CleanRecording
 from faintrack.kinds.records.data import Path, Records
 from faintrack.kinds.records.read import read_path
 from faintrack.kinds.records.sections import RecordsScenario, StationSection, parse_utc
@@ -44,28 +46,51 @@ def require_one_each(data: Records, scenario: RecordsScenario) -> None:
         )
 
 
-def arrays_of(data: Records, scenario: RecordsScenario) -> dict[str, SensorArray]:
-    """Channels of the stations that are known by them, by name.
+def cleaned(data: Records) -> tuple[Records, Callable[[], tuple[str, ...]]]:
+    """Data with NaN for what is missing, and what tells, at the end, what that was."""
+    gates = [
+        CleanRecording(without_copies(record)) if isinstance(record, Recording) else CleanRecord(record)
+        for record in data.records
+    ]
+    records = tuple(gate.recording if isinstance(gate, CleanRecording) else gate.record for gate in gates)
+
+    def remarks() -> tuple[str, ...]:
+        pairs = zip(data.records, gates, strict=True)
+        return tuple(f"{record.source}: {said}" for record, gate in pairs for said in gate.remarks())
+
+    return replace(data, records=records), remarks
+
+
+def arrays_of(data: Records, scenario: RecordsScenario) -> tuple[dict[str, SensorArray], tuple[str, ...]]:
+    """Channels of the stations that are known by them, by name, and what those of recordings cannot tell.
 
     Raises
     ------
     InputError : a recording whose station has no channels, or others.
     """
-    arrays = {}
+    arrays, checks = {}, []
+    band = scenario.analysis.band
     for table, record in zip(scenario.stations, data.records, strict=True):
-        array = data.arrays.get(table.name)
-        if array is None and table.array is not None:
-            array = build(table.array)
+        array, described = data.arrays.get(table.name), table.array
+        if array is not None:
+            described = None
+        elif described is not None:
+            array = build(described)
         if isinstance(record, Recording):
             if array is None:
                 raise InputError(
                     f"{record.source} is a recording; expected array with the channels of station {table.name}."
                 )
             with naming(f"station {table.name}"):
-                array = match_channels(array, record)
+                array, rule = matched(array, record)
+            array, straight = as_heard(array, record.sample_rate / 2 if band is None else band[1])
+            beamformer = plan_frames(record, array, scenario.analysis)[0]
+            said = about_array(array, described, beamformer, record.sample_rate)
+            levels = about_levels(CleanRecording(record).recording, array)
+            checks += [f"{record.source}: {one}" for one in (*rule, *straight, *said, *levels)]
         if array is not None:
             arrays[table.name] = array
-    return arrays
+    return arrays, tuple(checks)
 
 
 def paths_of(data: Records, scenario: RecordsScenario) -> dict[str, Path]:
@@ -118,7 +143,7 @@ def beamformed(recording: Recording, array: SensorArray, scenario: RecordsScenar
 
     Parameters
     ----------
-    recording, array : samples, and the geometry of their channels.
+    recording, array : samples, NaN where they are missing, and the geometry of their channels.
     scenario : whose `analysis` tells band, frame and beams.
 
     Raises
@@ -136,7 +161,6 @@ def beamformed(recording: Recording, array: SensorArray, scenario: RecordsScenar
     ([0.5, 1.5, 2.5], (180,), True)
     """
     plan, length, count = plan_frames(recording, array, scenario.analysis)
-    clean = CleanRecording(recording).recording
     bearing = np.degrees(plan.grid.bearing)
     axis = Axis(float(bearing[0]), float(bearing[1] - bearing[0]), len(bearing))
 
@@ -144,7 +168,7 @@ def beamformed(recording: Recording, array: SensorArray, scenario: RecordsScenar
         rows = [np.empty((0, axis.count), np.float32)]
         for first in range(start, stop, FRAMES):
             number = min(FRAMES, stop - first)
-            block = framed(clean, length, first, number)
+            block = framed(recording, length, first, number)
             missing = FRAMES - number
             samples = np.pad(block.samples, ((0, missing), (0, 0), (0, 0)))
             usable = np.pad(block.usable, ((0, missing), (0, 0)))

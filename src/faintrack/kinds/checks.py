@@ -52,13 +52,21 @@ def _aperture(array: SensorArray) -> float:
 
 
 def about_array(
-    array: SensorArray, described: ArrayDescription, plan: Beamformer, sample_rate: float
+    array: SensorArray, described: ArrayDescription | None, plan: Beamformer, sample_rate: float
 ) -> tuple[str, ...]:
-    """What an array cannot tell in a band; one sentence each."""
+    """What an array cannot tell in a band; one sentence each.
+
+    Parameters
+    ----------
+    array : whose channels are heard.
+    described : what it was made from; None where it was made in memory.
+    plan : for a recording of it.
+    sample_rate : Hz.
+    """
     aperture, highest = _aperture(array), float(plan.grid.frequency[-1])
     wave = array.sound_speed / highest
     remarks = []
-    if described.sound_speed is None:
+    if described is not None and described.sound_speed is None:
         remarks.append(f"The array does not tell the sound speed; {array.sound_speed:g} m/s was taken.")
     if aperture < SMALLEST * wave:
         remarks.append(
