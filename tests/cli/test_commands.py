@@ -154,6 +154,6 @@ def test_bench_measures_the_rows_that_are_named() -> None:
     done = call("bench", "speed")
     assert done.status == 2
     assert "no row 'speed'" in done.err
-    assert "several_sea_trial" in done.err
+    assert "track_55ch_realtime" in done.err
     done = call("bench", "help_seconds", "--json")
     assert [row["name"] for row in json.loads(done.out)["rows"]] == ["help_seconds"]

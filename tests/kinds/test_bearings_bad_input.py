@@ -61,7 +61,10 @@ def test_scenario_that_is_wrong(folder: Path, old: str, new: str, names: tuple[s
     [
         ("0.5,90,20,0\n", ("row 4: time_s is 0.5", "ascending")),
         ("2,ninety,20,0\n", ("row 4: bearing_deg is 'ninety'",)),
-        ("2,1,0,0\n" * 25, ("time_s 2 has 25 bearings of one observer", "bearings.capacity, 24")),
+        (
+            "".join(f"2,{bearing},0,0\n" for bearing in range(25)),
+            ("time_s 2 has 25 bearings of one observer", "bearings.capacity, 24"),
+        ),
     ],
 )
 def test_bearings_that_are_wrong(folder: Path, rows: str, names: tuple[str, ...]) -> None:

@@ -80,7 +80,7 @@ def test_every_variable_has_a_unit_and_a_name(result: ft.Result) -> None:
 
 def test_files(folder: Path, result: ft.Result) -> None:
     assert {path.name for path in (folder / "out").iterdir()} == {
-        *(".faintrack", "result.zarr", "tracks.csv", "states.csv", "scenario.toml", "about.json", "report.html")
+        *("result.zarr", "tracks.csv", "states.csv", "scenario.toml", "about.json", "report.html")
     }
     with (folder / "out" / "states.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

@@ -108,7 +108,7 @@ def test_returns_without_what_they_need(folder: Path) -> None:
     refuse(folder, path, None, ("returns.csv", "--scenario", "[sonar]"))
     refuse(folder, [path, path], scenario, ("2 files", "one file"))
     (folder / "night.wav").write_text("not returns", encoding="utf-8")
-    refuse(folder, folder / "night.wav", scenario, ("night.wav", "expected .csv or .zarr"))
+    refuse(folder, folder / "night.wav", scenario, ("night.wav holds recording", "no section sonar"))
     path.write_text("time_s,delay,bearing\n0,8,90\n", encoding="utf-8")
     refuse(folder, path, None, ("returns.csv", "what it holds", "returns", "--kind"))
     refuse(folder, path, scenario, ("returns.csv", "column 'delay'"))

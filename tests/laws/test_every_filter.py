@@ -1,4 +1,4 @@
-"""Laws of filters, on every one of them (`tests/tables.py`)."""
+"""Laws of filters, on every one of them (`tests/cases.py`)."""
 
 import dataclasses
 import functools
@@ -13,7 +13,7 @@ import pytest
 from faintrack.beliefs.belief import Belief, update
 from faintrack.filters.run import run
 from faintrack.sensors.cells import CellScan
-from tests.tables import FILTERS, PLACE, believed, for_filter
+from tests.cases import FILTERS, PLACE, believed, for_filter
 from tests.tolerances import assert_equal
 
 SCANS, EXISTENCE = 4, 0.7

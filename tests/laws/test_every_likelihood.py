@@ -1,4 +1,4 @@
-"""Laws of likelihood ratios, on every one of them (`tests/tables.py`)."""
+"""Laws of likelihood ratios, on every one of them (`tests/cases.py`)."""
 
 import functools
 from collections.abc import Iterable
@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from faintrack.likelihoods.protocols import CellMeans, Likelihood, Simulating, log_ratios
+from tests.cases import CELL_MEANS, LIKELIHOODS, MASKED, NO_INVERSE, NO_RATIO, QUIET, Case
 from tests.scenes import part
-from tests.tables import CELL_MEANS, LIKELIHOODS, MASKED, NO_INVERSE, NO_RATIO, QUIET, Case
 from tests.tolerances import RATIO_AGREEMENT, RATIO_OPERATIONS, assert_equal, assert_mean
 
 

@@ -21,7 +21,7 @@ def test_a_pixel_has_the_mean_ratio_of_its_places() -> None:
     x, y = np.meshgrid(7 + np.array([-1, 0, 1]) / 3, 9 + np.array([-1, 0, 1]) / 3)
     still = np.zeros(x.shape)
     places = model.log_ratio(scan, PlanarState(*(jnp.asarray(values, jnp.float32) for values in (x, y, still, still))))
-    mean = scene.PixelMean(model).log_ratio(scan, scene.scene().grid.grid.states())[7, 9]
+    mean = scene.PixelMean(model).log_mean_ratio(scan)[7, 9]
     assert np.exp(mean) == pytest.approx(np.exp(np.asarray(places, float)).mean(), rel=100 * rounding(np.float32))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from faintrack.errors import InputError
-from faintrack.studies import folder
+from faintrack.io import locks
 from faintrack.studies.folder import open_folder
 from faintrack.studies.study import load, run_batch
 from tests.studies.small import WHERE, other, study
@@ -155,16 +155,13 @@ def test_the_lock_of_windows(path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setitem(sys.modules, "fcntl", None)  # type: ignore[arg-type]
     monkeypatch.setitem(sys.modules, "msvcrt", SimpleNamespace(LK_NBLCK=2, locking=locking))  # type: ignore[arg-type]
-    specification = importlib.util.spec_from_file_location("folder_of_windows", folder.__file__)
+    specification = importlib.util.spec_from_file_location("locks_of_windows", locks.__file__)
     module = importlib.util.module_from_spec(specification)
-    monkeypatch.setitem(sys.modules, "folder_of_windows", module)
+    monkeypatch.setitem(sys.modules, "locks_of_windows", module)
     specification.loader.exec_module(module)
-    with module.open_folder(path, study, None, False, None, resume=True):
+    with module.locked(path / "lock"):
         assert locked == [(2, 1)]
-        with (
-            pytest.raises(InputError, match="in use by another study"),
-            module.open_folder(path, study, None, False, None, resume=True),
-        ):
+        with pytest.raises(module.Held), module.locked(path / "lock"):
             pass
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError, naming
+from faintrack.io.checks import require_file
 from faintrack.scenario.array import build, describe, read_description
 from faintrack.scenario.section import to_toml
 from faintrack.sensors.array import SensorArray
@@ -32,6 +33,9 @@ def read_array(path: str | Path) -> SensorArray:
         ...
     faintrack.errors.InputError: array.csv: unknown kind of array file; expected .toml or .xml.
     """
+    path = Path(path)
+    if path.suffix.lower() in (".toml", ".xml"):
+        require_file(path)
     with naming(path):
         return build(read_description(path))
 

@@ -341,7 +341,7 @@ def opened(what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool 
         kind = kind_of_files(paths, given) if said is None else kind_named(str(said), given.source)
     complete = None
     if not reading or given.sections.keys() - {"kind"}:
-        with _telling_kind(kind, () if said is not None else paths):
+        with _telling_kind(kind, () if said is not None or given.kind is not None else paths):
             complete = given.of(kind.name)
     return kind, kind.read(paths, complete) if held is None else what, complete
 

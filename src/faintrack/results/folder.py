@@ -41,12 +41,12 @@ CHUNK = 512
 ABOUT = "about.json"
 
 MARK = ".faintrack"
-"""File that tells a folder of ours from a user's."""
+"""File that tells a folder of ours that is not whole from a user's."""
 
 PARTIAL = ".partial"
 """End of the name of a result that is not whole yet."""
 
-OURS = ("result.zarr", "states.csv", "tracks.csv", "tracks.geojson", "scenario.toml", ABOUT, MARK, "report.html")
+OURS = ("result.zarr", "states.csv", "tracks.csv", "tracks.geojson", "scenario.toml", ABOUT, "report.html")
 """What a result consists of."""
 
 
@@ -77,6 +77,7 @@ def result_folder(path: str | Path) -> Iterator[Path]:
             (partial / MARK).touch()
             yield partial
             _flush(partial)
+            (partial / MARK).unlink()
             partial.chmod(0o755)
             _put(partial, path)
         except OSError as error:

@@ -109,7 +109,8 @@ def _nearest(model: type[BaseModel] | None, place: tuple[int | str, ...]) -> str
         return "."
     names = list(model.model_fields)
     near = difflib.get_close_matches(str(place[-1]), names, 1, cutoff=0.6)
-    return f"; did you mean {near[0]}?" if near else f"; known are {', '.join(names)}."
+    known = ", ".join([*names[:12], *(["..."] if len(names) > 12 else [])])
+    return f"; did you mean {near[0]}?" if near else f"; known are {known}."
 
 
 def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
