@@ -109,7 +109,7 @@ def test_records_that_are_wrong(folder: Path, arrays: dict[str, np.ndarray], nam
     ("old", "new", "names"),
     [
         ("cell = 50.0", "cell = -1.0", ("stations.toml: region.cell is -1.0",)),
-        ("cell = 50.0", "cell = 0.05", ("west.npz and", "region: 2 detectors", "expected a larger cell")),
+        ("cell = 50.0", "cell = 0.05", ("west.npz and", "2 detectors of", "expected a larger cell")),
         ("speed = 6.0", "speed = 6000.0", ("region: targets move up to 6e+03 m between two scans",)),
         ("clock_offset = 0.0", "clock_offset = 100.0", ("others together", "records that overlap")),
         ('name = "west"', 'name = "west", start_time = "2016-01-12"', ("tells its start in UTC and", "start_time")),
