@@ -37,6 +37,7 @@ FRAMES_COLUMNS = (
 def test_result_folder_holds_what_it_should(tracked: Path) -> None:
     result = tracked / "result"
     assert sorted(path.name for path in result.iterdir()) == [
+        ".faintrack",
         "about.json",
         "report.html",
         "result.zarr",
@@ -154,6 +155,6 @@ def test_bench_measures_the_rows_that_are_named() -> None:
     done = call("bench", "speed")
     assert done.status == 2
     assert "no row 'speed'" in done.err
-    assert "several_sea_trial" in done.err
+    assert "track_55ch_realtime" in done.err
     done = call("bench", "help_seconds", "--json")
     assert [row["name"] for row in json.loads(done.out)["rows"]] == ["help_seconds"]
