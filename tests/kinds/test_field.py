@@ -16,12 +16,14 @@ import tifffile
 from PIL import Image
 
 import faintrack as ft
+from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
 from faintrack.io.ais import read_ships
 from faintrack.io.bearings import read_bearings
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.recording.plan import plan as plan_recording
 from faintrack.kinds.records.plan import plan as plan_records
+from faintrack.kinds.records.sections import RecordsScenario
 from faintrack.results.tables import write_geojson
 from tests.stations import record, records, scenario
 
@@ -166,6 +168,12 @@ class TestRecords:
         assert np.isnan(energy[5, 0, 7])
         assert np.isnan(energy).sum() == 1
         assert plan.remarks() == ("west.npz: Frames: 1 cells from 5 s to 6 s are missing (fill value).",)
+
+    def test_a_beam_that_stands_twice_is_refused(self) -> None:
+        closed = ft.from_frames(np.ones((9, 25)), axes=(("bearing", Axis(0.0, 15.0, 25)),))
+        alone = RecordsScenario(stations=[{"name": "ring", "line": False}])
+        with pytest.raises(InputError, match="bearings from 0 to 360 degrees; expected at most a full circle"):
+            plan_records(ft.from_records(closed), alone)
 
     def test_rows_outside_the_common_time_are_told(self) -> None:
         west, east = records(20)
