@@ -29,6 +29,11 @@ def main() -> None:
 
         try:
             app()
+        except SystemExit as ending:
+            # Typer turns an interruption into a silent end; a command that has told of it cuts the cause off.
+            if isinstance(getattr(ending.__context__, "__cause__", None), KeyboardInterrupt):
+                raise KeyboardInterrupt from None
+            raise
         except InputError as error:
             print(f"faintrack: {error}", file=sys.stderr)
             sys.exit(2)

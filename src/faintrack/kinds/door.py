@@ -211,12 +211,12 @@ def simulate(scenario: Any = None, out: str | Path | None = None, **sections: An
     return data
 
 
-def read(*paths: str | Path, kind: str | None = None, scenario: Any = None, **sections: Any) -> Any:
+def read(*paths: str | Path | list[str | Path], kind: str | None = None, scenario: Any = None, **sections: Any) -> Any:
     """Data of files.
 
     Parameters
     ----------
-    paths : of one recording, of frames, and so on; several files that belong together.
+    paths : of one recording, of frames, and so on; several files that belong together, also in a list.
     kind : of the data, where the files do not tell.
     scenario, sections : where the kind needs them to read, as `track`.
 
@@ -228,7 +228,7 @@ def read(*paths: str | Path, kind: str | None = None, scenario: Any = None, **se
     return data
 
 
-def info(*paths: str | Path, kind: str | None = None, scenario: Any = None, **sections: Any) -> Info:
+def info(*paths: str | Path | list[str | Path], kind: str | None = None, scenario: Any = None, **sections: Any) -> Info:
     """What files hold, what was assumed, and the command that tracks them; arguments as `read`.
 
     Raises
@@ -238,7 +238,7 @@ def info(*paths: str | Path, kind: str | None = None, scenario: Any = None, **se
     given = {**sections, **({} if kind is None else {"kind": kind})}
     found, data, complete = opened(paths, scenario, given, reading=True)
     remarks = (*getattr(data, "remarks", ()), *(() if complete is None else _checked(found, data, complete)))
-    files = " ".join(str(path) for path in paths)
+    files = " ".join(map(str, _paths(paths)))
     needed = "" if isinstance(scenario, str | Path) is False else f" --scenario {scenario}"
     if not needed and found.needs:
         needed = f" {' '.join(found.needs)}"

@@ -148,6 +148,8 @@ def build_fans(scenario: RecordsScenario, together: InStep, arrays: Mapping[str,
         line = not arrays[table.name].circular if table.name in arrays else table.is_line
         low, high, span = (0.0, 180.0, 180.0) if line else (-360.0, 360.0, 360.0)
         room = axis.step / 2 + 1e-6
+        # A beam at 0 and one at 360 degrees are the same evidence.
+        span = span if line else span - room
         if axis.first < low - room or axis.last > high + room or axis.last - axis.first > span + 1e-6 * span:
             raise InputError(
                 f"{record.source} has bearings from {axis.first:g} to {axis.last:g} degrees; expected "
