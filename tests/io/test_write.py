@@ -61,7 +61,10 @@ def test_an_older_file_is_replaced_only_by_a_complete_one(tmp_path, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_a_killed_run_left_is_swept_away(tmp_path, name):
-    (tmp_path / f"{name}.partial").mkdir()
+    """It carries our mark."""
+    left = tmp_path / f".{name}.x1.partial"
+    left.mkdir()
+    (left / ".faintrack").touch()
     write_recording(tmp_path / name, [BLOCK], 100.0)
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
@@ -146,3 +149,14 @@ def test_a_full_disk(tmp_path, monkeypatch, name):
     with pytest.raises(InputError, match=rf"{name} cannot be written \(No space left on device\)\."):
         write_recording(tmp_path / name, [BLOCK], 100.0)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_user_has_beside_a_file_stays(tmp_path):
+    for name in ("a.h5.partial", "a.h5.older"):
+        (tmp_path / name).write_text("mine")
+    for _ in range(2):
+        write_recording(tmp_path / "a.h5", [np.zeros((9, 2))], 100.0)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "a.h5.older", "a.h5.partial"]
+    os.mkfifo(tmp_path / "a.wav")
+    with pytest.raises(InputError, match=r"a.wav is something else than the kind of file to write"):
+        write_recording(tmp_path / "a.wav", [np.zeros((9, 2))], 100.0)

@@ -1,12 +1,14 @@
 """Recordings to files, block by block.
 
-Samples go to a neighbour of the file, `rec.h5.partial`, which takes the file's name once it is complete:
-whoever finds `rec.h5` finds all of it, and an interrupted run leaves an older `rec.h5` as it was.
+Samples go to a file in a hidden folder beside their place, which takes the file's name once it is complete: whoever
+finds `rec.h5` finds all of it, and an interrupted run leaves an older `rec.h5` as it was.
 
 HDF5 and Zarr keep names and start time (layout: `faintrack.io.hierarchical`); WAV has no place for either.
 """
 
+import glob
 import shutil
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from itertools import chain
@@ -24,6 +26,10 @@ _WRITERS: dict[str, Callable[[Path, Content], AbstractContextManager[Append]]] =
     ".zarr": open_zarr_writer,
     ".wav": open_wav_writer,
 }
+
+
+MARK = ".faintrack"
+"""File that tells a folder of ours from a user's."""
 
 
 def write_recording(
@@ -111,33 +117,24 @@ def _checked(path: Path, block: np.ndarray, channels: int | None = None) -> np.n
 
 @contextmanager
 def completed(path: Path, complaint: str) -> Iterator[Path]:
-    """Name to write under; it becomes `path` if the block ends well, and is removed if it does not."""
-    partial = path.with_name(f"{path.name}.partial")
+    """Name to write under; it becomes `path` if the block ends well, and is removed if it does not.
+
+    It is in a folder of its own, whose name nobody else has; one with our mark is of a run that was killed.
+    """
+    with explained(complaint):
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise InputError(f"{path} is a pipe, a socket or a device; expected a file.")
+        for abandoned in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
+            if (abandoned / MARK).is_file() and not abandoned.is_symlink():
+                shutil.rmtree(abandoned, ignore_errors=True)
+        own = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent))
+        (own / MARK).touch()
     try:
+        yield own / path.name
         with explained(complaint):
-            _remove(partial)  # from a run that was killed
-        yield partial
-        with explained(complaint):
-            _put(partial, path)
+            # A folder cannot take the place of another in one step; the older goes when the new one is there.
+            if path.is_dir():
+                path.rename(own / "older")
+            (own / path.name).replace(path)
     finally:
-        _remove(partial)
-
-
-def _put(partial: Path, path: Path) -> None:
-    """Give the finished file its name."""
-    if not path.is_dir():
-        partial.replace(path)
-        return
-    # A folder cannot take the place of another in one step; the older goes when the new one is there.
-    older = path.with_name(f"{path.name}.older")
-    _remove(older)
-    path.rename(older)
-    partial.rename(path)
-    _remove(older)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+        shutil.rmtree(own, ignore_errors=True)
