@@ -145,7 +145,7 @@ def test_a_wrong_guess_is_answered(tmp_path: Path) -> None:
     ft.simulate(SCENARIOS["recording"], samples)
     ft.simulate(SCENARIOS["frames"], images)
     text.write_text("nothing")
-    refused("images.npz", "unknown kind of file", ".wav", what=images, cfar={"guard": 1})
+    refused("images.npz", "holds frames, of which a scenario has no section cfar", what=images, cfar={"guard": 1})
     refused("images.npz was taken for frames", "--kind", what=images, tracker={"declares": 0.9})
     refused("notes.txt", "the name does not tell what it holds", "recording, frames", what=text)
     refused("samples.film", "unknown kind of file", what=samples.rename(tmp_path / "samples.film"), kind="recording")
