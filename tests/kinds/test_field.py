@@ -24,6 +24,7 @@ from faintrack.kinds.kind import Plan
 from faintrack.kinds.recording.plan import plan as plan_recording
 from faintrack.kinds.records.plan import plan as plan_records
 from faintrack.kinds.records.sections import RecordsScenario
+from faintrack.results.folder import require_place
 from faintrack.results.tables import write_geojson
 from tests.stations import record, records, scenario
 
@@ -122,6 +123,16 @@ class TestPython:
         with pytest.raises(InputError) as error:
             ft.sensor_array.__wrapped__(positions, speed)  # type: ignore[attr-defined]
         assert said in str(error.value)
+
+    def test_lists_that_are_no_arrays_and_places_that_are_none(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="samples have rows of different lengths; expected an array"):
+            ft.from_samples([[1, 2], [3]], RATE)
+        columns = {"time_s": [0, 1], "bearing_deg": ["north", 3], "observer_x_m": [0, 0], "observer_y_m": [0, 0]}
+        with pytest.raises(InputError, match="bearings in memory: bearing_deg holds something else than numbers"):
+            ft.from_bearings(columns)
+        with pytest.raises(InputError, match="out is a int; expected the path of a folder"):
+            require_place(3)
+        assert require_place(str(tmp_path / "out")) == tmp_path / "out"
 
     def test_numbers_of_numpy(self) -> None:
         band = np.array([100, 400])

@@ -1,5 +1,6 @@
 """A result is whole or not there."""
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 import xarray as xr
 
 import faintrack as ft
+from faintrack.errors import InputError
 from faintrack.kinds import door
 from faintrack.results import folder as folders
 
@@ -47,3 +49,12 @@ def test_an_interruption_leaves_the_earlier_result(
         ft.track(RECORDING, array=ARRAY, out=out)
     assert (out / "about.json").read_text() == before
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_report_replaces_nothing_but_a_file(held: ft.Result, tmp_path: Path) -> None:
+    """A device, of which a rename would make a file for everybody on the machine."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path, tmp_path / "pipe"):
+        with pytest.raises(InputError, match="cannot be written: it is no file"):
+            held.report(path)
+    assert (tmp_path / "pipe").is_fifo()

@@ -128,7 +128,10 @@ def as_array(values: Any, name: str) -> np.ndarray:
     >>> as_array(np.ma.masked_array([1, 2], mask=[False, True]), "samples").tolist()
     [1.0, nan]
     """
-    array: Any = values if np.ma.isMaskedArray(values) else np.asarray(values)
+    try:
+        array: Any = values if np.ma.isMaskedArray(values) else np.asarray(values)
+    except ValueError:
+        raise InputError(f"{name} have rows of different lengths; expected an array.") from None
     if array.dtype.kind == "c":
         raise InputError(
             f"{name} hold {array.dtype}; expected real numbers. Complex samples of coherent receivers need a "

@@ -61,7 +61,12 @@ def table(columns: Mapping[str, Any], rows: np.ndarray | None, origin: str, even
     ------
     InputError : columns differ in length, there is no row, or times are not finite or do not ascend.
     """
-    values = {name: np.asarray(column, float) for name, column in columns.items()}
+    values = {}
+    for name, column in columns.items():
+        try:
+            values[name] = np.asarray(column, float)
+        except (TypeError, ValueError):
+            raise InputError(f"{origin}: {name} holds something else than numbers; expected numbers.") from None
     time = values["time_s"]
     for name, column in values.items():
         if column.shape != (time.size,):

@@ -134,7 +134,7 @@ def track(
     """
     keep_compilations()
     if out is not None:
-        require_place(Path(out))
+        require_place(out)
     kind, data, what_to_run = opened(what, scenario, sections)
     start = clock.perf_counter()
     plan = kind.plan(data, what_to_run)

@@ -62,8 +62,7 @@ def result_folder(path: str | Path) -> Iterator[Path]:
     InputError : `path` is a link, or something other than an earlier result; another run writes to it; its parent is
         missing or cannot be written.
     """
-    path = Path(path)
-    require_place(path)
+    path = require_place(path)
     with ExitStack() as held:
         try:
             held.enter_context(locked(path.with_name(f".{path.name}.lock")))
@@ -86,23 +85,25 @@ def result_folder(path: str | Path) -> Iterator[Path]:
             shutil.rmtree(partial, ignore_errors=True)
 
 
-def require_place(path: Path) -> None:
-    """Refuse what is no place for a result.
+def require_place(path: Any) -> Path:
+    """Place of a result; refuses what is none.
 
     Raises
     ------
     InputError : as `result_folder`.
     """
+    if not isinstance(path, str | Path):
+        raise InputError(f"out is a {type(path).__name__}; expected the path of a folder.")
+    path = Path(path)
     if path.is_symlink():
         raise InputError(f"{path} is a link; expected the folder itself for --out.")
     if not path.parent.is_dir():
         raise InputError(f"{path} cannot be written: there is no folder {path.parent}.")
     if not os.access(path.parent, os.W_OK):
         raise InputError(f"{path} cannot be written: {path.parent} is read-only.")
-    if not path.exists():
-        return
-    if not path.is_dir() or not ((path / "result.zarr").exists() or not any(path.iterdir())):
+    if path.exists() and (not path.is_dir() or not ((path / "result.zarr").exists() or not any(path.iterdir()))):
         raise InputError(f"{path} exists and is no result of faintrack; expected another name for --out.")
+    return path
 
 
 def _remove_abandoned(path: Path) -> None:

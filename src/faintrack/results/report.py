@@ -82,6 +82,8 @@ def write_report(path: str | Path, result: Result) -> Path:
     The path.
     """
     path = Path(path)
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} cannot be written: it is no file.")
     text = report(result)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
