@@ -1,5 +1,6 @@
 """Fixtures that more than one file of tests uses, and where compiled programs are kept."""
 
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,23 @@ os.environ["XLA_FLAGS"] = f"{QUICKLY_COMPILED} {os.environ.get('XLA_FLAGS', '')}
 for option, value in COMPILED.items():
     os.environ[option.upper()] = str(value)
     jax.config.update(option, value)
+
+
+# With Python's own thresholds a search for garbage goes through all that was ever compiled, again and again.
+gc.set_threshold(100_000, 50, 50)
+
+LARGEST = 2 * 2**30
+"""Bytes of a process beyond which what it has compiled is given up: every program is mapped into memory, and a process
+may have so many maps and no more."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _bounded() -> Iterator[None]:
+    yield
+    statm = Path("/proc/self/statm")
+    if statm.exists() and int(statm.read_text(encoding="utf-8").split()[1]) * os.sysconf("SC_PAGE_SIZE") > LARGEST:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(params=["float32", "float64"])

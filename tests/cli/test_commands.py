@@ -151,6 +151,7 @@ def test_help_shows_an_example(command: str) -> None:
     assert f"faintrack {command}" in done.out.split("Example")[1]
 
 
+@pytest.mark.slow
 def test_bench_measures_the_rows_that_are_named() -> None:
     done = call("bench", "speed")
     assert done.status == 2

@@ -74,6 +74,7 @@ def test_names_of_all_kinds_and_a_second_run(folder: Path, kept: Path) -> None:
     assert ft.read_result(kept).data.sizes["time"] == 600
 
 
+@pytest.mark.slow
 def test_signals_at_any_moment(folder: Path, kept: Path) -> None:
     """One line, status 130 or 143, nothing half written; a run that was faster than the signal is whole."""
     before, beside = contents(kept), sorted(path.name for path in folder.iterdir())
@@ -94,6 +95,7 @@ def test_signals_at_any_moment(folder: Path, kept: Path) -> None:
         ]
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment(folder: Path, kept: Path) -> None:
     """What was there is whole, or what was to be; what is left over goes with the next run."""
     before = contents(kept)
@@ -119,6 +121,7 @@ def test_a_second_run_to_the_same_folder_is_refused(folder: Path) -> None:
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_no_room_on_the_disk(folder: Path, kept: Path) -> None:
     before = contents(kept)
     process = started(*arguments(folder, kept), limit=2000)

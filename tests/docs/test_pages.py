@@ -23,7 +23,16 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES = [page for page in PAGES if not {"_build", "gallery"} & set(page.relative_to(ROOT).parts)]
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-LONG = {"track_active_sonar", "track_bearings", "track_images", "track_several_sources"}
+LONG = {
+    "track_active_sonar",
+    "track_bearings",
+    "track_images",
+    "track_several_sources",
+    "track_several_arrays",
+    "track_radar",
+    "scenario_file",
+    "active_sonar",
+}
 """Pages whose commands the tests of the command line and of sessions give as well, on smaller files."""
 MODULE = re.compile(r"# (\w+\.py)\n")
 SHOWN_ONLY = {"bash", "text"}

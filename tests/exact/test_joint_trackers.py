@@ -150,6 +150,7 @@ def test_a_target_beyond_the_limits_is_gone() -> None:
     assert after.beliefs.existence[1] < 1e-6
 
 
+@pytest.mark.slow
 def test_proposals_stand_for_plain_motion() -> None:
     """Place and evidence under coupled partitions and under one draw a particle agree, within five standard errors of
     32 repetitions each."""

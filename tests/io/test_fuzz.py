@@ -7,7 +7,6 @@ get the ends of their ranges), and read whole in a process of their own that may
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import zipfile
@@ -144,6 +143,7 @@ from faintrack.io.ais import read_ships
 import h5py, obspy, scipy.io, soundfile, tifffile, zarr
 own = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (BYTES + own, BYTES + own))
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 reading, folder, first = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
 def read_sigmf(path):
     return read(path / "a.sigmf-meta")
@@ -270,7 +270,6 @@ def outcomes(reading: str, folder: Path, count: int) -> Iterator[tuple[int, str]
         done = subprocess.run(
             [sys.executable, "-c", code, reading, str(folder), str(first)],
             capture_output=True, text=True, errors="replace", env=environment, timeout=3600,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CORE, (0, 0)),
         )  # fmt: skip
         last = first - 1
         for line in done.stdout.splitlines():

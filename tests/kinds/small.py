@@ -3,6 +3,8 @@
 from functools import cache
 from typing import Any
 
+import pytest
+
 import faintrack as ft
 from faintrack.kinds import kind_named
 from faintrack.kinds.kind import Plan
@@ -83,6 +85,11 @@ FILES = {
 """File of each kind that tells by itself what it holds."""
 
 SCANS = 12
+
+COMPILED_LONG = ("returns", "bearings", "records")
+"""Kinds whose programs take long to compile: they run through these laws with the slow tests, and their own files."""
+
+EVERY = [pytest.param(kind, marks=pytest.mark.slow if kind in COMPILED_LONG else ()) for kind in SCENARIOS]
 
 
 @cache

@@ -232,6 +232,7 @@ def crossing(tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
+@pytest.mark.slow
 def test_bearings_in_files_lie_in_the_range_that_is_told(crossing: Path) -> None:
     with (crossing / "states.csv").open(encoding="utf-8") as file:
         bearing = np.array([float(row["bearing_deg"]) for row in csv.DictReader(file)])

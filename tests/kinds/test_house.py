@@ -12,9 +12,9 @@ import faintrack as ft
 from faintrack.kinds import KINDS, kind_named
 from faintrack.kinds.commented import commented_scenario
 from tests.cli.calling import call
-from tests.kinds.small import FILES, SCANS, SCENARIOS, data, plan, result
+from tests.kinds.small import EVERY, FILES, SCANS, SCENARIOS, data, plan, result
 
-SMALL = pytest.mark.parametrize("kind", SCENARIOS)
+SMALL = pytest.mark.parametrize("kind", EVERY)
 
 
 def says(sentence: str, *names: str) -> None:
@@ -113,6 +113,7 @@ def test_command_and_python_give_the_same_numbers(kind: str, tmp_path: Path) -> 
     assert again.scenario == kept.scenario
 
 
+@pytest.mark.slow
 def test_the_options_of_the_command_are_sections_of_python(tmp_path: Path) -> None:
     array, file = tmp_path / "array.toml", tmp_path / "night.h5"
     array.write_text("line = {count = 4, spacing = 1.5}\n")

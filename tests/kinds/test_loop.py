@@ -11,9 +11,9 @@ import xarray as xr
 import faintrack as ft
 from faintrack.kinds.loop import Checkpoint, advance, load_checkpoint, save_checkpoint
 from faintrack.results.schema import joined
-from tests.kinds.small import SCANS, SCENARIOS, data, plan, result
+from tests.kinds.small import EVERY, SCANS, SCENARIOS, data, plan, result
 
-SMALL = pytest.mark.parametrize("kind", SCENARIOS)
+SMALL = pytest.mark.parametrize("kind", EVERY)
 BLOCK = 5
 
 

@@ -110,6 +110,7 @@ def test_what_was_run_runs_again(result: Result) -> None:
         np.testing.assert_array_equal(again.data[name], result.data[name])
 
 
+@pytest.mark.slow
 def test_scan_by_scan_is_as_in_blocks(result: Result) -> None:
     moments = list(ft.follow(from_records(records()), scenario()))
     np.testing.assert_allclose(
@@ -190,6 +191,7 @@ def test_recordings_become_records() -> None:
     assert tree_equal(beams.read(5, 7), whole[5:7])
 
 
+@pytest.mark.slow
 def test_a_recording_in_memory_is_tracked_as_its_record() -> None:
     """The channels stand in the scenario, and in what was run they are written out."""
     rate, array = 1000.0, line_array(8, 2.0)

@@ -33,7 +33,7 @@ def test_a_recording_beside_a_record(folder: Path) -> None:
     stations = [MIXED[0] | {"path": str(folder / "towed.csv")}, MIXED[1]]
     what = scenario(stations=stations, analysis={"frame": 0.5, "band": [50.0, 400.0]})
     data = read((folder / "towed.wav", folder / "east.npz"), what)
-    arrays = arrays_of(data, what)
+    arrays, _ = arrays_of(data, what)
     towed, east = put_together(data, what, arrays).records
     np.testing.assert_allclose(towed.times, 0.25 + 0.5 * np.arange(10))
     # Noise without direction has the mean 1; 350 bins and ten frames know it to a few hundredths.
@@ -80,11 +80,9 @@ def test_paths_are_relative_to_the_scenario(folder: Path) -> None:
 
 
 def test_records_are_known_by_what_is_in_them(folder: Path) -> None:
-    """CSV whose columns are bearings; npz is frames as well, and one must say which."""
+    """CSV whose columns are bearings, npz with an axis of them."""
     (folder / "a.csv").write_text("time_s,0,60,120\n0,1,2,3\n1,1,2,3\n", encoding="utf-8")
     told = ft.info(folder / "a.csv")
     assert told.kind == "records"
     assert "3 beams from 0 to 120 degrees" in str(told)
-    with pytest.raises(InputError, match="it may hold frames or records"):
-        ft.info(folder / "east.npz")
-    assert ft.info(folder / "east.npz", kind="records").facts["holds"] == "records of one array"
+    assert ft.info(folder / "east.npz").facts["holds"] == "records of one array"

@@ -70,6 +70,7 @@ def test_the_targets_of_a_simulation_are_a_truth() -> None:
     assert unexplained(data) == []
 
 
+@pytest.mark.slow
 def test_a_region_in_degrees_has_tracks_on_earth(tmp_path: Path) -> None:
     """Places of targets are from its middle, and ships are where they are reported."""
     pytest.importorskip("pyproj")

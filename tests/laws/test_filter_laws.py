@@ -239,6 +239,7 @@ def test_a_batch_is_one_run_beside_another(scene: Scene) -> None:
         assert_close(part(beside, (number, 0)), part(single, 0))
 
 
+@pytest.mark.slow
 def test_blocks_of_any_length_give_the_same_bits(scene: Scene) -> None:
     """Six scans at once, or three and three; a single scan is compiled apart and agrees to rounding."""
     filter, likelihood, scans = followed(scene.dtype)

@@ -72,12 +72,14 @@ def test_silent_scans_find_nothing_and_lose_existence_slowly() -> None:
     assert np.all(np.asarray(after.detection) <= share[:, None] * (1 + 1e-4))
 
 
+@pytest.mark.slow
 def test_a_full_tracker_says_so() -> None:
     after = follow(scans(0, TWO), slots=1)
     assert np.asarray(after.label).max() == 1
     assert np.asarray(after.full).any()
 
 
+@pytest.mark.slow
 def test_a_target_outside_is_in_hand_and_no_track() -> None:
     after = follow(scans(3, paths(OUTSIDE)), surroundings=1800.0)
     assert np.all(np.asarray(after.label) == 0)

@@ -17,9 +17,9 @@ from faintrack.results.schema import estimated, planar
 from faintrack.results.tables import state_columns, state_rows, to_stonesoup, track_columns, write_geojson
 from faintrack.results.track import tracks_of
 from faintrack.targets.states import PlanarState
-from tests.kinds.small import SCANS, SCENARIOS, data, result
+from tests.kinds.small import EVERY, SCANS, SCENARIOS, data, result
 
-SMALL = pytest.mark.parametrize("kind", SCENARIOS)
+SMALL = pytest.mark.parametrize("kind", EVERY)
 
 
 @pytest.fixture(scope="module")

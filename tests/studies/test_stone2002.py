@@ -47,6 +47,7 @@ def test_surface_is_the_sum_over_all_paths(position: int, velocity: int) -> None
     assert surfaces[2, position + 70, velocity + 3] == pytest.approx(expected, rel=30 * rounding(np.float32), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_false_alarms_by_change_of_measure_are_those_counted() -> None:
     keys = jax.random.split(jax.random.key(3), 400)
     drawn, noise = (

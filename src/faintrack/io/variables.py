@@ -203,7 +203,7 @@ def kept(variable: Variable) -> Variable:
     def read(part: Slices) -> np.ndarray:
         if not values:
             values.append(variable.read((slice(None),) * len(variable.shape)))
-        return values[0][part]
+        return np.asarray(values[0][part])
 
     return Variable(variable.shape, variable.dtype, read)
 

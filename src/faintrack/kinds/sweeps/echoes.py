@@ -33,11 +33,11 @@ class Rows(eqx.Module):
     received : whether the row says anything.
     """
 
-    time: Float[Array, "*sweep row"]
-    x: Float[Array, "*sweep row"]
-    y: Float[Array, "*sweep row"]
-    heading: Float[Array, "*sweep row"]
-    received: Bool[Array, "*sweep row"]
+    time: Float[Array, "*sweep row"] | Float[np.ndarray, "*sweep row"]
+    x: Float[Array, "*sweep row"] | Float[np.ndarray, "*sweep row"]
+    y: Float[Array, "*sweep row"] | Float[np.ndarray, "*sweep row"]
+    heading: Float[Array, "*sweep row"] | Float[np.ndarray, "*sweep row"]
+    received: Bool[Array, "*sweep row"] | Bool[np.ndarray, "*sweep row"]
 
     def at(self, row: Int[Array, "..."]) -> tuple[Array, Array, Array, Array]:
         """Time, place and heading of some rows."""
