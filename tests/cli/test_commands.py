@@ -37,7 +37,6 @@ FRAMES_COLUMNS = (
 def test_result_folder_holds_what_it_should(tracked: Path) -> None:
     result = tracked / "result"
     assert sorted(path.name for path in result.iterdir()) == [
-        ".faintrack",
         "about.json",
         "report.html",
         "result.zarr",

@@ -187,7 +187,7 @@ def _npz_variable(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo)
             # Its checksum is looked at where the content ends.
             if len(content) < size or file.read(1):
                 raise InputError(f"{path}: {name} holds {len(content)} of {size} bytes.")
-        return np.frombuffer(content, dtype).reshape(shape, order="F" if fortran else "C")[part]
+        return np.asarray(np.frombuffer(content, dtype).reshape(shape, order="F" if fortran else "C")[part])
 
     return kept(Variable(shape, dtype, read_whole))
 

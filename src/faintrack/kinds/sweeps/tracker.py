@@ -15,6 +15,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.kinds.sweeps.echoes import Rows, turned, wrapped
@@ -39,8 +40,8 @@ class Sweep(eqx.Module):
     """
 
     rows: Rows
-    values: Float[Array, "*sweep row sample"]
-    time: Float[Array, "*sweep"]
+    values: Float[Array, "*sweep row sample"] | Float[np.ndarray, "*sweep row sample"]
+    time: Float[Array, "*sweep"] | Float[np.ndarray, "*sweep"]
 
 
 class Watching(eqx.Module):
