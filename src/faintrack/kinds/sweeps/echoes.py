@@ -95,7 +95,7 @@ class Echoes(eqx.Module):
         sine, cosine = sine_cosine(heading + (row + self.offset) * (2 * np.pi / self.rows))
         return sample * self.spacing * sine, sample * self.spacing * cosine
 
-    def seen(self, states: PlanarState, time: Array, rows: Rows, row: Int[Array, ""]) -> tuple[Array, Array]:
+    def seen(self, states: PlanarState, time: Array, rows: Rows, row: Int[Array, "..."]) -> tuple[Array, Array]:
         """Row and sample at which targets are seen in a sweep.
 
         Each is where it is when its own row looks, and that is not known before it is known where it is. So a row
