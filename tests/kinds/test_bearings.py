@@ -60,14 +60,14 @@ def test_noise_gives_no_track() -> None:
 def test_what_is_kept_agrees_with_itself(followed: Result) -> None:
     data = followed.data
     assert data.reported.sizes == {"time": SCANS, "observer": 1, "entry": 24}
-    assert data.existence.sizes == {"time": SCANS, "slot": 1}
+    assert data.existence.sizes == {"time": SCANS, "slot": 7}
     assert all("units" in data[name].attrs for name in data.data_vars)
     assert data.attrs["first_scan_time"] == START
     there = np.isfinite(data.reported)
     np.testing.assert_array_equal(there.sum(("observer", "entry")), np.bincount(drawn().scan, minlength=SCANS))
     np.testing.assert_array_equal(there, np.isfinite(data.association))
-    # At most one bearing is the target's, and only if there is one.
-    assert np.all(data.association.sum(("observer", "entry")) <= data.existence[:, 0] + 1e-3)
+    # Of each target at most one bearing, and only if it exists.
+    assert np.all(data.association.sum(("observer", "entry")) <= data.existence.sum("slot") + 1e-3)
 
 
 def test_blocks_of_any_size_give_the_same(followed: Result) -> None:

@@ -19,11 +19,11 @@ def test_following_equals_tracking() -> None:
     heard = recording(Source(-5.0, 1.0, start=5.0))
     moments, result = list(ft.follow(heard, array=ARRAY)), ft.track(heard, array=ARRAY)
     assert [moment.time for moment in moments] == result.data.time.values.tolist()
-    existence = [[moment.existence] for moment in moments]
+    existence = [moment.existence for moment in moments]
     # One frame a block or many: the beam products are summed in another order, and the particles drift apart by
     # rounding.
-    np.testing.assert_allclose(existence, result.data.existence, atol=1e-2)
-    assert moments[-1].checkpoint.state.belief.log_weights.shape == (1250,)
+    np.testing.assert_allclose(existence, result.data.existence.max("slot"), atol=1e-2)
+    assert moments[-1].checkpoint.state.sought.log_weights.shape == (1250,)
     assert moments[-1].data.record.shape == (
         1,
         result.data.sizes["beam"],
@@ -37,7 +37,8 @@ def test_a_source_that_takes_over_begins_a_new_track() -> None:
     assert (first.label, second.label) == (1, 2)
     assert abs(first.average("bearing") - np.degrees(0.8)) < 2
     assert abs(second.average("bearing") - np.degrees(2.2)) < 2
-    assert first.end_s < 12
+    # A source that is not heard any more may be heard again within ten scans.
+    assert 9 < first.end_s < 20
     assert second.start_s < 13
 
 

@@ -54,8 +54,8 @@ def test_noise_gives_no_track() -> None:
     assert result.data.existence.max() < 0.5
 
 
-def test_what_is_kept_agrees_with_itself(followed: Result) -> None:
-    data = followed.data
+def test_what_is_kept_agrees_with_itself() -> None:
+    data = ft.track(drawn(), scenario(), tracker={"targets": 1}).data
     sizes = {"axis_x": 12, "axis_y": 12, "axis_vx": 3, "axis_vy": 3}
     assert {**data.position.sizes, **data.velocity.sizes} == {"snapshot": 8, **sizes}
     assert data.existence.sizes == {"time": PINGS, "slot": 1}

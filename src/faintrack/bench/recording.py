@@ -29,7 +29,7 @@ def track_55ch_realtime(machine: Machine, sizes: Sizes) -> Row:
         filter={"particles": sizes.particles, "births": sizes.births},
     )
     timing = timed(lambda: track(recording, scenario).tracks, sizes.repeat_seconds)
-    grid = build_beamformer(scenario.analysis, array, SAMPLE_RATE).grid
+    grid = build_beamformer(scenario.analysis, array, SAMPLE_RATE, scenario.analysis.taper).grid
     operations = beam_operations(grid.frequency.size, grid.beams, channels, grid.snapshots)
     # Bearing and SNR take three normal numbers a particle.
     limit = duration * machine.seconds(operations, 3 * (sizes.particles + sizes.births))

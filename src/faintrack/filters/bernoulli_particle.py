@@ -17,15 +17,17 @@ A loud source has a likelihood far narrower than the gaps between newborn partic
 density.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief
+from faintrack.filters.tempered import apart
 from faintrack.numerics.resampling import systematic
 from faintrack.targets.target import Target
 
@@ -104,6 +106,28 @@ class BernoulliParticleFilter(eqx.Module):
             forecast.log_odds,
             time,
             jnp.concatenate([belief.born[chosen], jnp.full(self.births, time)]),
+        )
+
+    def carry(self, belief: Belief, time: Float[Array, ""], key: PRNGKeyArray) -> tuple[Belief, Float[Array, ""]]:
+        """Belief of a target that stays, carried forward to `time` without births; the log of the share that left."""
+        for_resampling, for_motion = jax.random.split(key)
+        count = belief.log_weights.size
+        chosen = self.resample(for_resampling, belief.log_weights, count, count)
+        states = jax.tree.map(lambda component: component[chosen], belief.states)
+        states = self.target.motion.move(states, time - belief.time, for_motion)
+        equal = jnp.full_like(belief.log_weights, -jnp.log(count))
+        assert belief.born is not None
+        return Belief(states, equal, belief.log_odds, time, belief.born[chosen]), jnp.full_like(time, -jnp.inf)
+
+    def taken(self, belief: Belief, inside: Bool[Array, " point"], key: PRNGKeyArray) -> Belief:
+        """Particles of a target that has been found, as many as follow one, from those inside.
+
+        They are few that stand for many: moved apart, they do not have their few velocities alone.
+        """
+        mine = jnp.where(inside, belief.log_weights, -jnp.inf)
+        share = jax.nn.logsumexp(mine)
+        return apart(
+            dataclasses.replace(belief, log_weights=mine - share, log_odds=belief.log_odds + share), key, self._slots
         )
 
     @property

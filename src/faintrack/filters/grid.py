@@ -30,7 +30,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief
 from faintrack.beliefs.grids import Grid
@@ -116,6 +116,18 @@ class GridFilter(eqx.Module):
         if self.simplified:
             log_odds = forecast.existence - jax.nn.log_sigmoid(-belief.log_odds)
         return Belief(belief.states, mixed(*forecast.shares), log_odds, time)
+
+    def carry(self, belief: Belief, time: Float[Array, ""], key: PRNGKeyArray) -> tuple[Belief, Float[Array, ""]]:
+        """Belief of a target that stays, carried forward to `time` without births; the log of the share that left."""
+        mixed, log_lost = self._moved(belief, time, key)
+        log_weights = mixed(jnp.zeros_like(belief.log_odds), jnp.full_like(belief.log_odds, -jnp.inf))
+        return Belief(belief.states, log_weights, belief.log_odds, time), log_lost
+
+    def taken(self, belief: Belief, inside: Bool[Array, "..."], key: PRNGKeyArray) -> Belief:
+        """Weights of a target that has been found: those of the cells inside."""
+        mine = jnp.where(inside, belief.log_weights, -jnp.inf)
+        share = jax.nn.logsumexp(mine)
+        return Belief(belief.states, mine - share, belief.log_odds + share, belief.time)
 
     def _moved(
         self, belief: Belief, time: Float[Array, ""], key: PRNGKeyArray

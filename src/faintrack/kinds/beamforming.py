@@ -7,23 +7,27 @@ from faintrack.sensors.array import SensorArray
 from faintrack.signal.beamformer import Beamformer, beamformer
 
 
-def build_beamformer(analysis: AnalysisSection, array: SensorArray, sample_rate: float) -> Beamformer:
-    """Beamformer of a scenario's analysis for an array and a sample rate.
+def build_beamformer(
+    analysis: AnalysisSection, array: SensorArray, sample_rate: float, taper: bool = False
+) -> Beamformer:
+    """Beamformer of a scenario's analysis for an array and a sample rate, with a taper or without.
 
     Raises
     ------
     InputError : band, frame and sample rate do not fit together.
     """
-    return beamformer(array, sample_rate, analysis.frame, analysis.band, analysis.beams, analysis.snapshot)
+    return beamformer(array, sample_rate, analysis.frame, analysis.band, analysis.beams, analysis.snapshot, taper=taper)
 
 
-def plan_frames(recording: Recording, array: SensorArray, analysis: AnalysisSection) -> tuple[Beamformer, int, int]:
+def plan_frames(
+    recording: Recording, array: SensorArray, analysis: AnalysisSection, taper: bool = False
+) -> tuple[Beamformer, int, int]:
     """Beamformer of a recording, samples of a frame, and number of frames.
 
     Parameters
     ----------
     recording, array : samples, and the geometry of their channels.
-    analysis : of a scenario.
+    analysis, taper : of a scenario.
 
     Raises
     ------
@@ -32,7 +36,7 @@ def plan_frames(recording: Recording, array: SensorArray, analysis: AnalysisSect
     if recording.channels != len(array.gains):
         raise InputError(f"{recording.source} has {recording.channels} channels; the array has {len(array.gains)}.")
     with naming(recording.source):
-        plan = build_beamformer(analysis, array, recording.sample_rate)
+        plan = build_beamformer(analysis, array, recording.sample_rate, taper)
     length = round(analysis.frame * recording.sample_rate)
     count = recording.length // length
     if count == 0:

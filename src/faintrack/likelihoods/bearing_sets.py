@@ -37,6 +37,9 @@ from faintrack.targets.births import RangeBirth
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Birth
 
+APART = 4.0
+"""Standard deviations from which on two bearings are those of two targets."""
+
 
 class BearingSetLikelihood(eqx.Module):
     """Log ratio of a set of bearings.
@@ -113,6 +116,38 @@ class BearingSetLikelihood(eqx.Module):
         share = jnp.where(log_sum > -jnp.inf, jnp.exp(each - log_sum), 0)
         return jnp.where(within, share, 0).astype(scan.bearing.dtype)
 
+    def beside(
+        self,
+        scan: BearingSet,
+        states: Any,
+        log_weights: Float[Array, "target point"],
+        existence: Float[Array, " target"],
+    ) -> BearingSet:
+        r"""Scan with other targets as part of its background: their bearings add to the density of the false ones.
+
+        Notes
+        -----
+        .. math:: M_c p_c \leftarrow M_c p_c + \sum_t q_t P_D \sum_j w_{tj} \, p(z_i | x_{tj})
+
+        (Musicki and La Scala, *Multi-target tracking in clutter without measurement assignment*, 2008). Parameters and
+        result as of `faintrack.likelihoods.protocols.Beside.beside`.
+        """
+
+        def expected(states: Any, log_weights: Array) -> Float[Array, " entry"]:
+            _, each, within = self._terms(dataclasses.replace(scan, crowding=None), states)
+            return jnp.exp(jax.nn.logsumexp(jnp.where(within, each + log_weights, -jnp.inf), axis=1))
+
+        more = existence @ jax.vmap(expected)(states, log_weights)
+        before = jnp.ones_like(scan.bearing) if scan.crowding is None else scan.crowding
+        return dataclasses.replace(scan, crowding=before + more)
+
+    def alike(self, scan: BearingSet, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
+        """Whether bearings are less apart than `APART` standard deviations of one."""
+        toward = [arctan2(each.y - scan.observer.y, each.x - scan.observer.x) for each in (states, centres)]
+        off = toward[0] - toward[1].reshape(-1, *(1,) * toward[0].ndim)
+        off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
+        return jnp.abs(off) <= APART * self.sensor.error
+
     def propose(
         self, scan: BearingSet, birth: Birth, key: PRNGKeyArray, count: int
     ) -> tuple[PlanarState, Float[Array, " count"]]:
@@ -146,6 +181,8 @@ class BearingSetLikelihood(eqx.Module):
         log_density = -0.5 * (off / sensor.error) ** 2 - jnp.log(sensor.error * jnp.sqrt(2 * jnp.pi))
         detected = jnp.asarray(jnp.where(self.published, 1, sensor.detection_probability), scan.bearing.dtype)
         each = jnp.log(detected) + log_density - jnp.log(sensor.false_per_radian)
+        if scan.crowding is not None:
+            each = each - jnp.log(scan.crowding).reshape(entry)
         each = jnp.where(scan.there.reshape(entry), each, -jnp.inf)
         return jnp.log1p(-detected), each, sensor.after_start(expected) <= sensor.width
 
@@ -165,6 +202,23 @@ class ObserversLikelihood(eqx.Module):
         """Natural log of p(all bearings | target at state) / p(all bearings | no target)."""
         told = jax.vmap(self.each.log_ratio, in_axes=(0, None))(scan.sets, states)
         return jnp.where(scan.heard.reshape(-1, *(1,) * (told.ndim - 1)), told, 0).sum(axis=0)
+
+    def beside(
+        self,
+        scan: ObserverSets,
+        states: Any,
+        log_weights: Float[Array, "target point"],
+        existence: Float[Array, " target"],
+    ) -> ObserverSets:
+        """Scan with other targets as part of every observer's background."""
+        beside = jax.vmap(self.each.beside, in_axes=(0, None, None, None))
+        return dataclasses.replace(scan, sets=beside(scan.sets, states, log_weights, existence))
+
+    def alike(self, scan: ObserverSets, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
+        """Whether targets have one bearing from every observer that reported."""
+        close = jax.vmap(self.each.alike, in_axes=(0, None, None))(scan.sets, states, centres)
+        heard = scan.heard.reshape(-1, *(1,) * (close.ndim - 1))
+        return jnp.all(close | ~heard, axis=0) & jnp.any(heard, axis=0)
 
     def propose(
         self, scan: ObserverSets, birth: Birth, key: PRNGKeyArray, count: int

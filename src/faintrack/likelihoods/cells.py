@@ -20,6 +20,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -29,6 +30,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
+from faintrack.likelihoods.cell_field import Rule, added, alike, envelopes, means, powers, with_gain
 from faintrack.likelihoods.cell_values import Draw, gaussian_value, rayleigh_value, swerling0_value, swerling1_value
 from faintrack.sensors.cells import Cells, CellScan
 
@@ -146,6 +148,9 @@ VALUES: dict[Amplitude, Draw] = {
     rayleigh: rayleigh_value,
 }
 """What draws the values that an amplitude model is the ratio of; a model may also have a method `draw`."""
+
+RULES: dict[Amplitude, Rule] = {gaussian: means, swerling1: powers, swerling0: powers, rayleigh: envelopes}
+"""How what several targets put into a cell adds; a model may also have a method `rule`."""
 
 
 def point(*offsets: np.ndarray) -> np.ndarray:
@@ -322,6 +327,8 @@ class CellLikelihood(eqx.Module):
         values = jnp.pad(jnp.where(missing, 0, scan.values), 2 * reach)
         heard = jnp.pad((~missing).astype(dtype), 2 * reach)
         level = jnp.asarray(self.level, dtype)
+        if scan.gain is not None:
+            level = level * scan.gain
         level = jnp.pad(level, 2 * reach) if level.ndim else level
         # One logarithm or Bessel function a cell and kind of share; a position then adds what lies around it.
         share = jnp.asarray(shares.ravel()[first], dtype).reshape(-1, *(1,) * dimensions)
@@ -340,6 +347,47 @@ class CellLikelihood(eqx.Module):
         parts = parts.reshape((self.oversample,) * dimensions + shape)
         order = [axis for pair in range(dimensions) for axis in (dimensions + pair, pair)]
         return parts.transpose(order).reshape(self.places.shape)
+
+    def beside(
+        self,
+        scan: CellScan,
+        states: Any,
+        log_weights: Float[Array, "target *points"],
+        existence: Float[Array, " target"],
+    ) -> CellScan:
+        """Frame with other targets as part of its background, see `faintrack.likelihoods.cell_field`.
+
+        Raises
+        ------
+        InputError : the level is not the same for all cells, or nothing is known of how such values add.
+        """
+        if jnp.ndim(self.level):
+            raise InputError("cell likelihood: targets beside others need a level that is the same for all cells.")
+        level = jnp.full(existence.shape, self.level, existence.dtype)
+        return self.explained(scan, states, log_weights, existence, level, level**2)
+
+    def explained(
+        self,
+        scan: CellScan,
+        states: Any,
+        log_weights: Float[Array, "target *points"],
+        existence: Float[Array, " target"],
+        level: Float[Array, " target"],
+        square: Float[Array, " target"],
+    ) -> CellScan:
+        """As `beside`, of targets whose levels have a mean and a mean square of their own."""
+        rule = getattr(self.amplitude, "rule", RULES.get(self.amplitude))
+        if rule is None:
+            name = getattr(self.amplitude, "__name__", self.amplitude)
+            raise InputError(f"amplitude {name}: it is not known how the values of several targets add.")
+        mean, variance = added(
+            self.places, self.shares, self.reach, self.oversample, states, log_weights, existence, level, square
+        )
+        return with_gain(scan, *rule(scan.values, mean, variance))
+
+    def alike(self, scan: CellScan, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
+        """Whether targets reach the same cells."""
+        return alike(self.cells, self.reach, states, centres)
 
     @eqx.filter_jit
     def log_ratio(self, scan: CellScan, states: object) -> Float[Array, "..."]:

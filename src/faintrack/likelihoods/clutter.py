@@ -19,12 +19,15 @@ strong echo tells: never more than :math:`n \log(1 + s)`. Source of the problem:
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
+from faintrack.likelihoods.cell_field import added, alike, powers, with_gain
 from faintrack.sensors.cells import Cells
 from faintrack.signal.clutter import ClutterScan, Level
 
@@ -96,8 +99,30 @@ class ClutterLikelihood(eqx.Module):
 
     def table(self, scan: ClutterScan) -> Float[Array, "*cells"]:
         """Log ratio of a target in every cell; 0 where the value is missing, which is not a number."""
-        ratio = lomax(scan.values, scan.level, self.measure(scan.level, self.target))
+        target = self.measure(scan.level, self.target)
+        ratio = lomax(scan.values, scan.level, target if scan.gain is None else target * scan.gain)
         return jnp.where(jnp.isnan(scan.values), 0, ratio)
+
+    def beside(
+        self,
+        scan: ClutterScan,
+        states: Any,
+        log_weights: Float[Array, "target *points"],
+        existence: Float[Array, " target"],
+    ) -> ClutterScan:
+        """Frame with other targets as part of its background: they raise the level of their cells.
+
+        Parameters and result as of `faintrack.likelihoods.protocols.Beside.beside`.
+        """
+        one = jnp.ones(existence.shape, existence.dtype)
+        shares = np.ones((1,) * 2 * len(self.cells.axes))
+        chance, _ = added(self.cells, shares, 0, 1, states, log_weights, existence, one, one)
+        mean = chance * self.measure(scan.level, self.target)
+        return with_gain(scan, *powers(scan.values, mean, mean))
+
+    def alike(self, scan: ClutterScan, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
+        """Whether targets lie in the same cell or next to each other."""
+        return alike(self.cells, 0, states, centres)
 
     @eqx.filter_jit
     def log_ratio(self, scan: ClutterScan, states: object) -> Float[Array, "..."]:

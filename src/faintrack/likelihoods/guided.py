@@ -18,6 +18,7 @@ the cells next to it. In float32 a velocity cell whose mean is less than e^-87 o
 default value.
 """
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -33,6 +34,9 @@ from faintrack.likelihoods.mesh import Mesh
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
+
+CELLS = 1.5
+"""Cells apart from which on a grid tells targets from each other."""
 
 AT_ONCE = 8
 """Returns that are taken in at a time."""
@@ -149,6 +153,91 @@ class Guided(eqx.Module):
             return eqx.combine(arrays, others)._means(ping)
 
         return means(arrays, ping)
+
+    def beside(
+        self,
+        ping: Ping,
+        states: Any,
+        log_weights: Float[Array, "target *cells"],
+        existence: Float[Array, " target"],
+    ) -> Ping:
+        r"""Ping whose returns count as much less as others may account for them.
+
+        Notes
+        -----
+        A return is one target's or the background's. Others put one into bin k with the probability
+
+        .. math:: p_k = \sum_t q_t \, w_t(x_k, y_k) A_k
+
+        with w the density of the target's position at the bin's place and A the area of the bin. If one target more is
+        the source of a return, the others were missed, each with :math:`1 - P_D`,
+        :math:`P_D = e^{-\eta / (1 + s)}`. With :math:`L_k` the ratio of a return's power as that of an echo to that of
+        noise, it so tells less by
+
+        .. math:: c_k = \log \left(1 + \frac{p_k L_k}{1 - P_D}\right):
+
+        it is read as one whose power is less by
+        :math:`c_k (1 + s) / s`, down to the threshold. A return that is another's with the probability
+        :math:`a_k = 1 - e^{-c_k}` brings others in the bins that its echo spreads to, with the shares :math:`h_{jk}`:
+        there the background is that of an echo of the power :math:`m = z_k h_{jk}`,
+
+        .. math:: c_j \leftarrow c_j + \sum_k \log \left(1 - a_k + a_k \frac{e^{z_j m / (1 + m)}}{1 + m}\right).
+
+        Parameters and result as of
+        `faintrack.likelihoods.protocols.Beside.beside`.
+        """
+        mesh, likelihood = self.mesh, self.likelihood
+        pair = likelihood.sonar.geometry(ping)
+        number = ping.bins[:, 0] * mesh.finer[0]
+        bearing = ping.bins[:, 1] * (2 * jnp.pi / likelihood.sonar.beams)
+        x, y = pair.position(mesh.delay(number), bearing)
+        half = mesh.finer[0] / 2
+        area = mesh.finer[1] * (mesh.sector(pair, number + half, bearing) - mesh.sector(pair, number - half, bearing))
+        along_x, along_y = mesh.axes["x"], mesh.axes["y"]
+        density = self._positions(log_weights) * (existence / (along_x.step * along_y.step))[:, None, None]
+        places = [jnp.asarray(along_x.place(x)), jnp.asarray(along_y.place(y))]
+        chance = jnp.clip(area * jax.scipy.ndimage.map_coordinates(jnp.sum(density, axis=0), places, 1), 0, 1)
+        gain = likelihood.snr / (1 + likelihood.snr)
+        echo = gain * ping.power - jnp.log1p(likelihood.snr)
+        missed = 1 - jnp.exp(-likelihood.threshold / (1 + likelihood.snr))
+        crowding = jnp.logaddexp(0.0, jnp.log(chance / missed) + echo)
+        crowding = crowding + self._companions(ping, -jnp.expm1(-crowding))
+        power = jnp.maximum(ping.power - crowding / gain, likelihood.threshold)
+        return dataclasses.replace(ping, power=jnp.where(ping.there, power, ping.power))
+
+    def _companions(self, ping: Ping, of_others: Float[Array, " return"]) -> Float[Array, " return"]:
+        """What returns tell less because others spread into their bins (the last equation of `beside`)."""
+        sonar = self.likelihood.sonar
+        off = ping.bins[:, None] - ping.bins
+        around = off[..., 1] - sonar.beams * jnp.round(off[..., 1] / sonar.beams)
+        off = off.at[..., 1].set(around.astype(off.dtype))
+        near = (jnp.abs(off) <= jnp.array(sonar.reach)).all(axis=-1) & ~jnp.eye(len(off), dtype=bool)
+        near = near & ping.there & ping.there[:, None]
+        spread = jnp.where(near, sonar.response(*jnp.moveaxis(off.astype(ping.power.dtype), -1, 0)), 0)
+        power = ping.power * spread
+        echo = ping.power[:, None] * power / (1 + power) - jnp.log1p(power)
+        return jnp.sum(jnp.logaddexp(jnp.log1p(-of_others), jnp.log(of_others) + echo), axis=1)
+
+    def _positions(self, log_weights: Float[Array, "target *cells"]) -> Float[Array, "target x y"]:
+        """Probability of every position cell, of each target."""
+        names = self.mesh.grid.names
+        others = tuple(number + 1 for number, name in enumerate(names) if name not in ("x", "y"))
+        weights = jnp.sum(jnp.exp(log_weights), axis=others)
+        return weights if names.index("x") < names.index("y") else weights.swapaxes(1, 2)
+
+    def alike(self, ping: Ping, states: Any, centres: Any) -> Bool[Array, "centre *cells"]:
+        """Whether positions are as near each other as a cell and a beam tell."""
+        pair, steps = self.likelihood.sonar.geometry(ping), dict(self.mesh.grid.axes)
+        far = jnp.hypot(centres.x - pair.receiver.x, centres.y - pair.receiver.y)
+        wide = far * self.likelihood.sonar.beam_width
+
+        def along(name: str) -> Bool[Array, "centre *cells"]:
+            values = getattr(states, name)
+            among = (-1, *(1,) * values.ndim)
+            reach = CELLS * steps[name].step + wide.reshape(among)
+            return jnp.abs(values - getattr(centres, name).reshape(among)) <= reach
+
+        return along("x") & along("y")
 
     def simulate(self, ping: Ping, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Ping:
         """Returns as the likelihood of a state draws them."""

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.errors import InputError
+from faintrack.likelihoods.cell_field import Values, means
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,10 @@ class Student:
         """Natural log of p(value | target) / p(value | noise), both over the standard deviation of the noise."""
         scale = self.freedom - 2
         return (self.freedom + 1) / 2 * (jnp.log1p(value**2 / scale) - jnp.log1p((value - level) ** 2 / scale))
+
+    def rule(self, values: Values, mean: Values, variance: Values) -> tuple[Values, Values]:
+        """How what several targets put into a cell adds: by their means."""
+        return means(values, mean, variance)
 
     def draw(self, key: PRNGKeyArray, level: Float[Array, "*cells"]) -> Float[Array, "*cells"]:
         """Amplitude with variance 1 and mean `level`."""

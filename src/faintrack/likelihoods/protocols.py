@@ -8,6 +8,10 @@ state than without one? Three more may be asked of those that can answer.
 - `Proposing.propose`: newborn particles where the scan points, with weights that make up for it. A likelihood without
   it has them drawn from the birth density.
 - `Simulating.simulate`: a scan drawn from the very model that the ratio evaluates.
+- `Beside.beside`: the scan as it is with other targets as part of its background. What is asked of it then is the ratio
+  for one target more. `alike` says which states a scan hardly tells apart.
+- `Zooming.zoomed`: what a scan says near a belief that is far narrower than all that may be asked.
+- `Sighted.in_sight`: which states can be seen at all, by a target that is silent too.
 """
 
 from typing import Any, Protocol, TypeVar, runtime_checkable
@@ -46,6 +50,61 @@ class Proposing(Protocol[ScanRead, State]):
         self, scan: ScanRead, birth: Birth[State], key: PRNGKeyArray, count: int
     ) -> tuple[State, Float[Array, " count"]]:
         """Draw `count` states, and the natural log of their weights: birth density over density of the draws."""
+
+
+@runtime_checkable
+class Beside(Protocol[Scan, StateRead]):
+    """Looks at scans of several targets."""
+
+    def beside(
+        self,
+        scan: Scan,
+        states: StateRead,
+        log_weights: Float[Array, "target *points"],
+        existence: Float[Array, " target"],
+    ) -> Scan:
+        """Scan with other targets as part of its background.
+
+        Parameters
+        ----------
+        scan : with or without targets in its background already.
+        states, log_weights : what is believed of the others, a belief each.
+        existence : probability that each is there; one with 0 adds nothing.
+        """
+
+    def alike(self, scan: Scan, states: StateRead, centres: StateRead) -> Bool[Array, "centre *points"]:
+        """Whether a target at a state and one at a centre are one to the sensor.
+
+        Parameters
+        ----------
+        scan : where the sensor is.
+        states : any; broadcast to the shape of the points.
+        centres : components have the shape (centre,).
+        """
+
+
+@runtime_checkable
+class Reading(Protocol[StateRead]):
+    """What one scan says."""
+
+    def log_ratio(self, states: StateRead) -> Float[Array, "..."]:
+        """Natural log of p(scan | target at state) / p(scan | no target)."""
+
+
+@runtime_checkable
+class Zooming(Protocol[ScanRead, StateRead]):
+    """Looks closely at scans."""
+
+    def zoomed(self, scan: ScanRead, states: StateRead, log_weights: Float[Array, " point"]) -> Reading[StateRead]:
+        """What a scan says near a belief."""
+
+
+@runtime_checkable
+class Sighted(Protocol[StateRead]):
+    """Sees some states only."""
+
+    def in_sight(self, states: StateRead) -> Float[Array, "..."]:
+        """Natural log of what sight says of a state without any scan; 0 in sight."""
 
 
 @runtime_checkable

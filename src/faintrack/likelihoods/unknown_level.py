@@ -55,6 +55,43 @@ class UnknownLevel(eqx.Module):
         """Log ratio at every one of the places of the parts: the module's equation."""
         return jax.nn.logsumexp(jnp.stack([part.table(scan) for part in self.parts]), axis=0) - jnp.log(len(self.parts))
 
+    def beside(
+        self,
+        scan: CellScan,
+        states: Any,
+        log_weights: Float[Array, "target *points"],
+        existence: Float[Array, " target"],
+    ) -> CellScan:
+        r"""Frame with other targets as part of its background, each of the level that the frame says it has.
+
+        Notes
+        -----
+        The levels of a target are weighed by :math:`\sum_i w_i \ell(z | x_i, u_k)`, of which their mean and mean
+        square are taken (`faintrack.likelihoods.cell_field`).
+        """
+        levels = jnp.stack([jnp.asarray(part.level, existence.dtype) for part in self.parts])
+        some = jnp.any(existence > 0)
+        nothing = jnp.zeros(self.parts[0].places.shape, scan.values.dtype)
+        tables = [jax.lax.cond(some, part.table, lambda scan: nothing, scan) for part in self.parts]
+
+        def weighed(target: tuple[Any, Array, Array]) -> Float[Array, " level"]:
+            states, log_weights, existence = target
+            place, inside = self.parts[0].places.nearest(states)
+
+            def evidence() -> Float[Array, " level"]:
+                ratios = [jnp.where(inside, table[place], 0) for table in tables]
+                return jax.nn.softmax(jnp.stack([jax.nn.logsumexp(log_weights + ratio) for ratio in ratios]))
+
+            return jax.lax.cond(existence > 0, evidence, lambda: jnp.full_like(levels, 1 / len(levels)))
+
+        shares = jax.lax.map(weighed, (states, log_weights, existence))
+        mean, square = shares @ levels, shares @ levels**2
+        return self.parts[0].explained(scan, states, log_weights, existence, mean, square)
+
+    def alike(self, scan: CellScan, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
+        """Whether targets reach the same cells."""
+        return self.parts[0].alike(scan, states, centres)
+
     def log_ratio(self, scan: CellScan, states: Any) -> Float[Array, "*points"]:
         """Natural log of p(scan | target at state) / p(scan | no target); 0 for a state that reaches no cell."""
         place, inside = self.parts[0].places.nearest(states)

@@ -19,6 +19,16 @@ coloured, however drifting the noise, a frame without direction says the same. I
 b, the maximal invariant under scaling: for K = 1, b under noise has a Beta(1, M - 1) distribution and
 :math:`\int (1 - g b)^{-M} (M-1)(1-b)^{M-2} db = 1 / (1 - g) = 1 + M a`, so the mean ratio is 1. The price for not
 knowing the noise falls with the number of channels and snapshots.
+
+Sources that are there already are part of the noise (`faintrack.likelihoods.array_field`): with w, P, E and
+:math:`M'` as defined there
+
+.. math::
+    \log \ell = -\sum_f K \left[ \log(1 + a w_f)
+    + M'_f \log\left(1 - \frac{a w_f}{1 + a w_f} \frac{P_f}{w_f E_f}\right) \right].
+
+Under a taper neighbouring bins and snapshots say the same in part; the logarithm then counts by the share of them that
+is independent.
 """
 
 import math
@@ -27,17 +37,73 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Complex, Float, PRNGKeyArray
 
+from faintrack.likelihoods.array_field import alike, beams_beside, beside, sources_of, steered
 from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, neighbours, read_plane
+from faintrack.numerics.precision import full_precision
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.spectra import beams_of
+from faintrack.signal.beamformer import Beamformer
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import UniformBirth
 
 MOST_CHANNELS = 1000
 """Channels for which the products in `UnknownNoise.table` stay within float32."""
+
+
+DIRECTIONS, LEVELS = 33, 9
+"""Points of a table near a belief, in bearing and in SNR."""
+
+REACH = 4.0
+"""Standard deviations of a belief to either side that its table reaches."""
+
+NARROWEST = 1e-4
+"""Standard deviation of the bearing for which a table is made at least; radians."""
+
+
+class Zoomed(eqx.Module):
+    """Log ratio of one scan near a belief, a table that is read in between.
+
+    Attributes
+    ----------
+    bearing, reach : middle of the table and half of its width; radians.
+    snr_db, reach_db : the same of the SNR; dB.
+    table : log ratio.
+    """
+
+    bearing: Float[Array, ""]
+    reach: Float[Array, ""]
+    snr_db: Float[Array, ""]
+    reach_db: Float[Array, ""]
+    table: Float[Array, "bearing snr"]
+
+    def log_ratio(self, states: BearingState) -> Float[Array, "*points"]:
+        """Natural log of p(scan | source at state) / p(scan | no source); states beyond are read at the ends."""
+        off = states.bearing - self.bearing
+        off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
+
+        def along(off: Array, reach: Array, count: int) -> list[tuple[Array, Array]]:
+            place = (jnp.clip(off / reach, -1, 1) + 1) / 2 * (count - 1)
+            return [(jnp.clip(column, 0, count - 1), weight) for column, weight in neighbours(place)]
+
+        rows, columns = self.table.shape
+        of_snr = along(states.snr_db - self.snr_db, self.reach_db, columns)
+        return read_plane(self.table, along(off, self.reach, rows), of_snr)
+
+
+@full_precision
+def _heard(
+    vectors: Complex[Array, "frequency bearing channel"], scan: BeamScan
+) -> tuple[Float[Array, "frequency bearing"], Float[Array, "frequency bearing"]]:
+    """P and w in some directions."""
+    spectra = scan.spectra if scan.field is None else scan.field.spectra
+    power = jnp.sum(jnp.abs(jnp.einsum("fbc,kfc->kfb", vectors.conj(), spectra)) ** 2, axis=0)
+    if scan.field is None:
+        return power, jnp.full_like(power, scan.channels)
+    taken = jnp.sum(jnp.abs(jnp.einsum("fbc,frc->frb", vectors.conj(), scan.field.columns)) ** 2, axis=1)
+    return power, jnp.maximum(scan.channels - taken, 0)
 
 
 class UnknownNoise(eqx.Module):
@@ -47,10 +113,12 @@ class UnknownNoise(eqx.Module):
     ----------
     grid : axes of the scans.
     snr_db : lowest and highest SNR of the table, dB; states beyond are read at its end.
+    beamformer : that made the scans; what is heard beside other sources is worked out with it.
     """
 
     grid: BeamGrid
     snr_db: tuple[float, float] = eqx.field(static=True)
+    beamformer: Beamformer | None = None
 
     @property
     def snr_axis_db(self) -> Float[np.ndarray, " snr"]:
@@ -61,14 +129,14 @@ class UnknownNoise(eqx.Module):
     def table(self, scan: BeamScan, snr_db: Float[Array, " snr"] | None = None) -> Float[Array, "bearing snr"]:
         """Log ratio at every bearing of the grid and every SNR; those of the table where not given; dB."""
         snr_db = jnp.asarray(self.snr_axis_db) if snr_db is None else snr_db
+        if scan.field is not None:
+            assert self.beamformer is not None
+            return self._beside(scan, snr_db, *beams_beside(self.beamformer, scan))
         heard = scan.total_power > 0
         share = scan.beam_power / jnp.where(heard, scan.channels * scan.total_power, jnp.inf)[:, None]
         share = jnp.minimum(share, 1.0)
         gain = scan.channels * 10 ** (snr_db.astype(share.dtype) / 10)
-        # One logarithm serves as many factors as float32 can multiply: each is at least 1 / (1 + M a).
-        group = int(87 / math.log1p(MOST_CHANNELS * 10 ** (self.snr_db[1] / 10)))
-        padded = jnp.pad(share, ((0, -share.shape[0] % group), (0, 0)))
-        groups = padded.reshape(-1, group, share.shape[1])
+        groups = self._grouped(share)
 
         def log_left(drop: Array) -> Float[Array, " bearing"]:
             """Sum over frequencies of the module's second logarithm, at one SNR."""
@@ -76,7 +144,45 @@ class UnknownNoise(eqx.Module):
 
         logs = jax.lax.map(log_left, gain / (1 + gain)).T
         table = -jnp.sum(heard) * jnp.log1p(gain) - scan.channels * logs
-        return jnp.where(scan.channels >= 2, self.grid.snapshots * table, 0)
+        return jnp.where(scan.channels >= 2, self._independent * table, 0)
+
+    def _beside(
+        self,
+        scan: BeamScan,
+        snr_db: Float[Array, " snr"],
+        power: Float[Array, "frequency bearing"],
+        gain: Float[Array, "frequency bearing"],
+    ) -> Float[Array, "bearing snr"]:
+        """The module's last equation, in directions of which P and w are given."""
+        energy, dimensions = scan.total_power, jnp.full_like(scan.total_power, scan.channels)
+        if scan.field is not None:
+            energy, dimensions = scan.field.energy, scan.field.dimensions
+        # Where nothing of a direction is left beside the others, nothing is said of it.
+        some = (gain > 1e-3 * scan.channels) & (energy > 0)[:, None]
+        share = jnp.minimum(jnp.where(some, power / jnp.where(some, gain * energy[:, None], 1), 0), 1)
+        share, gain = self._grouped(share), self._grouped(jnp.where(some, gain, 0))
+        # Neighbouring bins have nearly the same dimensions: one logarithm serves a group of them.
+        sums, counts = (jnp.sum(self._grouped(part[:, None]), axis=1) for part in (dimensions, jnp.ones_like(energy)))
+        dimensions = sums / counts
+
+        def log_ratio(snr: Array) -> Float[Array, " bearing"]:
+            louder = snr * gain
+            quieter = jnp.prod(1 - louder / (1 + louder) * share, axis=1)
+            return -jnp.sum(jnp.log(jnp.prod(1 + louder, axis=1)) + dimensions * jnp.log(quieter), axis=0)
+
+        table = jax.lax.map(log_ratio, 10 ** (snr_db.astype(share.dtype) / 10)).T
+        return jnp.where(scan.channels >= 2, self._independent * table, 0)
+
+    def _grouped(self, values: Float[Array, "frequency bearing"]) -> Float[Array, "group bin bearing"]:
+        """Bins in groups whose factors float32 can multiply, each at least 1 / (1 + M a); zeros fill the last."""
+        size = int(87 / math.log1p(MOST_CHANNELS * 10 ** (self.snr_db[1] / 10)))
+        padded = jnp.pad(values, ((0, -len(values) % size), (0, 0)))
+        return padded.reshape(-1, size, values.shape[1])
+
+    @property
+    def _independent(self) -> float:
+        """Snapshots of a frame that are independent of each other."""
+        return self.grid.snapshots * self.grid.independent
 
     @eqx.filter_jit
     def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
@@ -98,6 +204,41 @@ class UnknownNoise(eqx.Module):
         columns = neighbours(jnp.clip((states.snr_db - low) / (high - low), 0, 1) * last)
         inside = [(jnp.clip(column, 0, last), weight) for column, weight in columns]
         return read_plane(table, bearing_neighbours(self.grid, states.bearing), inside)
+
+    def beside(
+        self,
+        scan: BeamScan,
+        states: BearingState,
+        log_weights: Float[Array, "source point"],
+        existence: Float[Array, " source"],
+    ) -> BeamScan:
+        """Scan with other sources as part of its background, see `faintrack.likelihoods.array_field`."""
+        assert self.beamformer is not None
+        return beside(self.beamformer, scan, sources_of(states, log_weights, existence))
+
+    def alike(self, scan: BeamScan, states: BearingState, centres: BearingState) -> Bool[Array, "centre *points"]:
+        """Which states are one source to the array with those of the centres."""
+        return alike(self.grid, states, centres)
+
+    def zoomed(self, scan: BeamScan, states: BearingState, log_weights: Float[Array, " point"]) -> Zoomed:
+        """What a scan says near a belief, in directions of its own."""
+        assert scan.spectra is not None, "a scan that is looked at closely has its spectra"
+        assert self.grid.array is not None, "an array that is looked at closely is known"
+        alone = jax.tree.map(lambda values: values[None], states)
+        believed = sources_of(alone, log_weights[None], jnp.ones(1))
+        dtype = scan.total_power.dtype
+        reach = REACH * jnp.maximum(believed.deviation[0], NARROWEST)
+        offsets = jnp.linspace(-1, 1, DIRECTIONS, dtype=dtype)
+        middle_db = 10 * jnp.log10(believed.snr[0])
+        weights = jnp.exp(log_weights)
+        deviation_db = jnp.sqrt(jnp.sum(weights * (states.snr_db - middle_db) ** 2))
+        reach_db = REACH * jnp.maximum(deviation_db, 0.5)
+        snr_db = jnp.clip(middle_db + reach_db * jnp.linspace(-1, 1, LEVELS, dtype=dtype), *self.snr_db)
+        vectors, _ = steered(
+            self.grid.array, jnp.asarray(self.grid.frequency, dtype), believed.bearing[0] + reach * offsets
+        )
+        table = self._beside(scan, snr_db, *_heard(vectors, scan))
+        return Zoomed(believed.bearing[0], reach, middle_db, reach_db, table)
 
     def propose(
         self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int

@@ -82,4 +82,4 @@ class WhiteSignal(eqx.Module):
         gain = scan.channels * snr
         count = self.grid.snapshots * scan.total_power.size
         log_ratio = snr / (1 + gain) * power - count * jnp.log1p(gain)
-        return jnp.where(scan.channels >= 2, log_ratio, 0)
+        return jnp.where(scan.channels >= 2, self.grid.independent * log_ratio, 0)

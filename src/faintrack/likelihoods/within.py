@@ -43,8 +43,21 @@ class Within(eqx.Module):
 
     def log_ratio(self, scan: Any, states: Any) -> Float[Array, "..."]:
         """Natural log of p(scan | target at state) / p(scan | no target), `REFUTED` out of sight."""
-        _, inside = self.cells.nearest(states)
-        return jnp.where(inside, self.likelihood.log_ratio(scan, states), REFUTED)
+        return self.in_sight(states) + self.likelihood.log_ratio(scan, states)
+
+    def in_sight(self, states: Any) -> Float[Array, "..."]:
+        """What sight alone says of states, also of a target that is silent: 0, or `REFUTED` out of it."""
+        return jnp.where(self.cells.nearest(states)[1], 0.0, REFUTED)
+
+    def beside(
+        self, scan: Any, states: Any, log_weights: Float[Array, "target *points"], existence: Float[Array, " target"]
+    ) -> Any:
+        """Scan as the likelihood has it with other targets as part of its background."""
+        return self.likelihood.beside(scan, states, log_weights, existence)
+
+    def alike(self, scan: Any, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
+        """Whether targets are one to the sensor, as the likelihood has it."""
+        return self.likelihood.alike(scan, states, centres)
 
     def simulate(self, scan: Any, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> Any:
         """Scan as the likelihood draws it; a target out of sight leaves noise alone."""

@@ -62,6 +62,23 @@ class TrackerSection(Section):
         return self
 
 
+class ManySection(TrackerSection):
+    """How tracks of several targets come about.
+
+    Attributes
+    ----------
+    targets : in hand at once at most; 1 is the filter of the papers, of one target at a time. Where not given, 6, or 1
+        with a likelihood that knows of no others.
+    silence : scans after which a target that is not heard any more is given up, about; a pulsed one or one that fades
+        is one track if it is heard again before.
+    declare : existence at which a track begins.
+    drop : existence of the track's own below which it ends.
+    """
+
+    targets: int | None = Field(default=None, ge=1, le=64)
+    silence: float = Field(default=10.0, gt=0, le=1e6)
+
+
 class AnalysisSection(Section):
     """How samples become scans; see `faintrack.signal.beamformer.beamformer`.
 

@@ -4,6 +4,8 @@ A frame is cut into snapshots, each transformed to frequency bins. For every bin
 snapshots; nothing that a likelihood of stationary signals needs is lost by that.
 """
 
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -22,12 +24,16 @@ class BeamScan(eqx.Module):
     beam_power : shape (frequency, bearing); :math:`\sum_k |\sum_m d_m^* z_{kmf}|^2` over snapshots k and channels m.
     total_power : shape (frequency,); :math:`\sum_k \sum_m |z_{kmf}|^2`.
     channels : number of channels that were used in this frame; below 2 the frame says nothing.
+    spectra : what the powers were made of, where it is kept.
+    field : sources that are part of the background; None where there are none (`faintrack.likelihoods.array_field`).
     """
 
     time: Float[Array, "*scan"]
     beam_power: Float[Array, "*scan frequency bearing"]
     total_power: Float[Array, "*scan frequency"]
     channels: Float[Array, "*scan"]
+    spectra: Complex[Array, "*scan snapshot frequency channel"] | None = None
+    field: Any = None
 
 
 class BeamGrid(eqx.Module):
@@ -40,6 +46,7 @@ class BeamGrid(eqx.Module):
     snapshots : transforms a frame.
     circular : whether the bearings run around the full circle.
     array : what hears, where it is known; scans are drawn with it.
+    independent : share of what the bins of all snapshots hold that is independent of each other; 1 without a taper.
     """
 
     frequency: Float[np.ndarray, " frequency"]
@@ -47,6 +54,7 @@ class BeamGrid(eqx.Module):
     snapshots: int = eqx.field(static=True)
     circular: bool = eqx.field(static=True)
     array: SensorArray | None = None
+    independent: float = eqx.field(static=True, default=1.0)
 
     @property
     def bearing(self) -> Float[np.ndarray, " bearing"]:

@@ -75,12 +75,15 @@ class BearingSet(eqx.Module):
     bearing : of every entry; radians.
     there : whether an entry is a bearing; those that are not come last.
     observer : where the sensor is; components have the shape of `time`.
+    crowding : density of bearings of false detections and of other targets at each entry, over that of the false ones;
+        1 where None.
     """
 
     time: Float[Array, "*scan"]
     bearing: Float[Array, "*scan entry"]
     there: Bool[Array, "*scan entry"]
     observer: PlanarState
+    crowding: Float[Array, "*scan entry"] | None = None
 
 
 class ObserverSets(eqx.Module):

@@ -5,6 +5,16 @@ every bearing, the channels are delayed back and summed (bosser2022, eq. 17-18):
 
 .. math:: B_f(\psi) = \Big| \sum_m e^{j 2 \pi f \tau_m(\psi)} z_{mf} \Big|^2
 
+A snapshot cut out of the samples with sharp ends does not hold the same piece of a wave in every channel: what differs
+is a share :math:`\tau / T` of its power, of delays :math:`\tau` and length T, and hides what is fainter beside a loud
+source. With a **taper**, Hann's window over snapshots that overlap by half, it is
+:math:`\frac{2 \pi^2}{3} (\tau / T)^2`, smooth along the array. A sample then counts by the sum of the squared windows
+over it, W, and the frame is worth
+
+.. math:: \frac{(\sum_n W_n)^2}{\sum_n W_n^2}
+
+independent samples: the variance of the power of white noise, summed over bins and snapshots, is that of so many.
+
 Bins strictly between zero and half the sample rate are used: a constant offset carries no direction, and at half the
 sample rate a delay is not defined (bosser2022, eq. 15 has a cosine there).
 """
@@ -38,6 +48,8 @@ class Beamformer(eqx.Module):
     gains : shape (channel,); correction of each channel, 0 for a dead one.
     cosine, sine : shape (frequency, row, pair); weights of each pair of opposite beams, see `beam_power`.
     mirrored : whether the array, its channels reversed, is its own mirror image through its centre, as a line is.
+    window : shape (sample,); weight of each sample of a snapshot, of mean square 1, where snapshots overlap by half;
+        None where they stand side by side.
     """
 
     grid: BeamGrid
@@ -47,15 +59,26 @@ class Beamformer(eqx.Module):
     cosine: Float[Array, "frequency row pair"]
     sine: Float[Array, "frequency row pair"]
     mirrored: bool = eqx.field(static=True, default=False)
+    window: Float[Array, " sample"] | None = None
+
+    @property
+    def resolution(self) -> Float[Array, ""] | float:
+        """Frequency from bin to bin; Hz."""
+        return self.grid.frequency[0] / self.first_bin
 
     def spectra(
         self, samples: Float[Array, "frame sample channel"]
     ) -> Complex[Array, "frame snapshot frequency channel"]:
         """Unitary spectra of the snapshots of each frame, in the band, with the channels' gains applied."""
         count, _, channels = samples.shape
-        samples = samples[:, : self.grid.snapshots * self.snapshot]
         scaled = samples * (self.gains / math.sqrt(self.snapshot))
-        parts = scaled.reshape(count, self.grid.snapshots, self.snapshot, channels)
+        if self.window is None:
+            scaled = scaled[:, : self.grid.snapshots * self.snapshot]
+            parts = scaled.reshape(count, self.grid.snapshots, self.snapshot, channels)
+        else:
+            starts = _starts(scaled.shape[1], self.snapshot)
+            parts = jnp.stack([scaled[:, start : start + self.snapshot] for start in starts], axis=1)
+            parts = parts * self.window[:, None]
         return jnp.fft.rfft(parts, axis=2)[:, :, self.first_bin : self.first_bin + self.grid.frequency.size]
 
     def beam_power(
@@ -118,7 +141,7 @@ class Beamformer(eqx.Module):
         """Scans from unitary spectra that are already at hand; see `scan`."""
         total = jnp.sum(spectra.real**2 + spectra.imag**2, axis=(1, 3))
         channels = jnp.sum(usable & (self.gains != 0), axis=1).astype(total.dtype)
-        return BeamScan(time.astype(total.dtype), self.beam_power(spectra), total, channels)
+        return BeamScan(time.astype(total.dtype), self.beam_power(spectra), total, channels, spectra)
 
     def scan_frame(self, time: Float[Array, ""], spectra: Complex[Array, "snapshot frequency channel"]) -> BeamScan:
         """Scan of a single frame from its unitary spectra, every channel usable."""
@@ -134,6 +157,7 @@ def beamformer(
     beams: int | None = None,
     snapshot: float | None = None,
     dtype: type = np.float32,
+    taper: bool = False,
 ) -> Beamformer:
     r"""Plan the analysis of an array's frames.
 
@@ -148,6 +172,7 @@ def beamformer(
     snapshot : seconds in one transform, at most `frame`; where not given, the shortest that is 16 times the time a
         wave takes along the array and has at least 32 bins in the band, or the frame.
     dtype : numpy type of real values.
+    taper : snapshots overlap by half, under Hann's window, where a frame holds two or more side by side.
 
     Raises
     ------
@@ -197,7 +222,12 @@ def beamformer(
         beams = int(np.clip(math.ceil(4 * span / lobe), 180, 1440))
     if beams < 8:
         raise InputError(f"beams is {beams}; expected at least 8.")
-    grid = BeamGrid(frequency, beams, length // size, array.circular, array)
+    snapshots, independent, window = length // size, 1.0, None
+    if taper and snapshots > 1:
+        squared = np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 4
+        snapshots, independent = len(_starts(length, size)), _independent(length, squared)
+        window = jnp.asarray(np.sqrt(squared / squared.mean()), dtype)
+    grid = BeamGrid(frequency, beams, snapshots, array.circular, array, independent)
     # The second half of the beams is opposite to the first; on a circle of an odd number none is opposite to another.
     pairs = beams if array.circular and beams % 2 else (beams + 1) // 2
     delays = np.asarray(array.delays(grid.bearing[:pairs]))
@@ -210,7 +240,21 @@ def beamformer(
         share = np.where(np.arange(delays.shape[1]) < len(array.gains) // 2, 1.0, 0.5)[:, None]
     phase = 2 * np.pi * frequency[:, None, None] * delays.T
     cosine, sine = (jnp.asarray(part, dtype) for part in (share * np.cos(phase), np.sin(phase)))
-    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), cosine, sine, mirrored)
+    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), cosine, sine, mirrored, window)
+
+
+def _starts(length: int, size: int) -> range:
+    """First samples of snapshots of a size that overlap by half within a frame."""
+    return range(0, length - size + 1, max(size // 2, 1))
+
+
+def _independent(length: int, squared: Float[np.ndarray, " sample"]) -> float:
+    """Independent samples of a frame, over those that its snapshots count (the module's equation)."""
+    size, starts = len(squared), _starts(length, len(squared))
+    weight = np.zeros(length)
+    for start in starts:
+        weight[start : start + size] += squared
+    return float(weight.sum() ** 2 / np.sum(weight**2) / (len(starts) * size))
 
 
 def _is_mirrored(array: SensorArray) -> bool:

@@ -43,11 +43,13 @@ class ClutterScan(eqx.Module):
     time : seconds.
     values : power of every cell.
     level : of the clutter, known without the cell's own power.
+    gain : what the level of a target counts in each cell, where others are part of the background; 1 where None.
     """
 
     time: Float[Array, "*frame"]
     values: Float[Array, "..."]
     level: Level
+    gain: Float[Array, "..."] | None = None
 
 
 class ClutterTracker(eqx.Module):

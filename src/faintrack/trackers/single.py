@@ -44,6 +44,11 @@ class Following(eqx.Module):
     declared: Float[Array, ""]
     scans: Int[Array, ""]
 
+    @property
+    def beliefs(self) -> tuple[Belief, ...]:
+        """The one belief."""
+        return (self.belief,)
+
 
 class Estimate(eqx.Module):
     """What the tracker says after a scan.

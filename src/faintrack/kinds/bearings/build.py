@@ -6,13 +6,13 @@ import jax.numpy as jnp
 
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.kinds.bearings.sections import BearingsScenario, BearingsSection
+from faintrack.kinds.several import Tracker, build_several
 from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
 from faintrack.sensors.bearing_sets import BearingSensor
 from faintrack.targets.births import RangeBirth
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target, UniformBirth
-from faintrack.trackers.single import SingleTargetTracker
 
 STEADY = 0.1, 60.0
 """By default acceleration adds up to so much of the largest speed in so many seconds."""
@@ -61,15 +61,11 @@ def chosen(scenario: BearingsScenario) -> BearingsScenario:
     return scenario.model_copy(update={"target": target})
 
 
-def build_tracker(scenario: BearingsScenario) -> SingleTargetTracker:
-    """Tracker of a scenario for sets of bearings."""
+def build_tracker(scenario: BearingsScenario, interval: float) -> Tracker:
+    """Tracker of a scenario for sets of bearings that come so many seconds apart."""
     table, known = scenario.bearings, scenario.target
     motion = PlanarMotion(velocity_noise(scenario))
     target = Target(build_birth(table), motion, known.arrival_rate, known.departure_rate)
-    return SingleTargetTracker(
-        BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births),
-        ObserversLikelihood(BearingSetLikelihood(build_sensor(table))),
-        scenario.tracker.declare,
-        scenario.tracker.drop,
-        guided=True,
-    )
+    particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
+    likelihood = ObserversLikelihood(BearingSetLikelihood(build_sensor(table)))
+    return build_several(particles, likelihood, scenario.tracker, interval, guided=True)

@@ -13,17 +13,18 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from faintrack.beliefs.belief import Belief
 from faintrack.data.bearings import Bearings
 from faintrack.errors import naming
 from faintrack.kinds.bearings.build import build_sensor, build_tracker, chosen
 from faintrack.kinds.bearings.sections import BearingsScenario
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
+from faintrack.kinds.several import Tracker
 from faintrack.numerics.precision import full_precision
 from faintrack.results.schema import NORTH, estimated, planar
 from faintrack.sensors.bearing_sets import ObserverSets
 from faintrack.signal.bearing_sets import in_sets
-from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 
 BLOCK_SCANS = 64
 """Scans taken in at once. Files of any length then share one compiled step."""
@@ -35,7 +36,7 @@ NEAR = 0.1
 class BearingsStep(eqx.Module):
     """Sets of bearings through a tracker."""
 
-    tracker: SingleTargetTracker
+    tracker: Tracker
 
     def scans(self, block: ObserverSets) -> ObserverSets:
         """Some scans."""
@@ -43,14 +44,17 @@ class BearingsStep(eqx.Module):
 
     @full_precision
     def advance(
-        self, state: Following, scan: ObserverSets, key: PRNGKeyArray
-    ) -> tuple[Following, tuple[Estimate, Float[Array, "observer entry"]]]:
+        self, state: Any, scan: ObserverSets, key: PRNGKeyArray
+    ) -> tuple[Any, tuple[Any, Float[Array, "observer entry"]]]:
         """Tracker after a scan; the estimate, and the probability of every bearing that it is the target's."""
         following, estimate = self.tracker.step(state, scan, key)
-        belief = following.belief
         likelihood: Any = self.tracker.likelihood
-        share = likelihood.association(scan, belief.states) @ jnp.exp(belief.log_weights)
-        return following, (estimate, belief.existence * share)
+
+        def own(belief: Belief) -> Float[Array, "observer entry"]:
+            return belief.existence * (likelihood.association(scan, belief.states) @ jnp.exp(belief.log_weights))
+
+        missed = jnp.prod(jnp.stack([1 - own(belief) for belief in following.beliefs]), axis=0)
+        return following, (estimate, 1 - missed)
 
 
 def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
@@ -63,9 +67,10 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
     table = scenario.bearings
     with naming(bearings.origin):
         scans = in_sets(bearings, build_sensor(table), table.capacity)
-    tracker, length = build_tracker(scenario), bearings.length
+    length = bearings.length
     since = bearings.times - bearings.times[0]
     interval = float(since[-1] / (length - 1)) if length > 1 else 1.0
+    tracker = build_tracker(scenario, interval)
     scans = eqx.tree_at(lambda scans: scans.time, scans, jnp.asarray(since + interval, float))
     scans = jax.tree.map(np.asarray, scans)
     attributes = {
@@ -79,7 +84,7 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
     def read(start: int, stop: int) -> ObserverSets:
         return jax.tree.map(lambda values: values[start : min(stop, length)], scans)
 
-    def rows(start: int, block: ObserverSets, outputs: tuple[Estimate, np.ndarray]) -> xr.Dataset:
+    def rows(start: int, block: ObserverSets, outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
         estimates, association = outputs
         numbers = slice(start, start + len(association))
         data = estimated(since[numbers], estimates, planar())

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from faintrack.kinds.scenario import Scenario
 from faintrack.scenario.moving import PlanarTargets
 from faintrack.scenario.section import Pair, Section
-from faintrack.scenario.sections import ParticlesSection, TargetSection, TrackerSection
+from faintrack.scenario.sections import ManySection, ParticlesSection, TargetSection
 
 
 class BearingsSection(Section):
@@ -122,7 +122,7 @@ class BearingsScenario(Scenario):
     bearings: BearingsSection
     target: ContactSection = ContactSection()
     filter: ParticlesSection = ParticlesSection()
-    tracker: TrackerSection = TrackerSection()
+    tracker: ManySection = ManySection()
     simulation: SimulationSection | None = None
 
     @model_validator(mode="before")

@@ -11,9 +11,10 @@ from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.grid import GridFilter
-from faintrack.filters.run import Filter, Likelihood
+from faintrack.filters.run import Likelihood
 from faintrack.filters.separable import POINTS, separable
 from faintrack.kinds.frames.sections import FramesScenario
+from faintrack.kinds.several import Tracker, build_several
 from faintrack.likelihoods.cells import (
     Amplitude,
     CellLikelihood,
@@ -35,7 +36,7 @@ from faintrack.signal.scans import Background, OverClutter, OverNoise, OverScene
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState, RangeState
 from faintrack.targets.target import Target, UniformBirth
-from faintrack.trackers.single import SingleTargetTracker
+from faintrack.trackers.many import Carrying
 
 STATES: dict[frozenset[str], Any] = {
     frozenset({"y", "x"}): PlanarState,
@@ -175,7 +176,7 @@ def build_cells(scenario: FramesScenario, sequence: Sequence, oversample: int) -
     return parts[0] if len(parts) == 1 else UnknownLevel(tuple(parts))
 
 
-def build_tracker(scenario: FramesScenario, sequence: Sequence) -> SingleTargetTracker:
+def build_tracker(scenario: FramesScenario, sequence: Sequence) -> Tracker:
     """Tracker of a scenario for the frames of a sequence.
 
     Raises
@@ -199,7 +200,7 @@ def build_tracker(scenario: FramesScenario, sequence: Sequence) -> SingleTargetT
     )
     motion = PlanarMotion(noise)
     target = Target(UniformBirth(low, high), motion, table.arrival_rate, table.departure_rate)
-    carried: Filter
+    carried: Carrying
     if filter_table.kind == "particles":
         carried = BernoulliParticleFilter(target, filter_table.particles, filter_table.births)
         likelihood: Likelihood = Within(build_cells(scenario, sequence, PLACES), Cells(sequence.axes))
@@ -215,7 +216,7 @@ def build_tracker(scenario: FramesScenario, sequence: Sequence) -> SingleTargetT
             _require_short(grid.axes[place], grid.axes[rate], noise, interval)
         carried = GridFilter(grid, target, separable(grid, motion, interval))
         likelihood = build_cells(scenario, sequence, oversample=1)
-    return SingleTargetTracker(carried, likelihood, scenario.tracker.declare, scenario.tracker.drop)
+    return build_several(carried, likelihood, scenario.tracker, interval)
 
 
 def _require_short(place: tuple[str, Axis], rate: tuple[str, Axis], noise: float, interval: float) -> None:

@@ -28,11 +28,11 @@ from faintrack.kinds.frames.build import (
 from faintrack.kinds.frames.sections import FramesScenario
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
+from faintrack.kinds.several import Tracker
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import HALF, Component, estimated
 from faintrack.sensors.cells import Cells, cell_surface
 from faintrack.signal.scans import Background
-from faintrack.trackers.single import Following, SingleTargetTracker
 
 BLOCK_BYTES = 8 * 2**20
 """Of the frames held at once; frames a block follow from it."""
@@ -62,7 +62,7 @@ class FramesStep(eqx.Module):
     """
 
     background: Background
-    tracker: SingleTargetTracker
+    tracker: Tracker
     cells: Cells = eqx.field(static=True)
 
     def scans(self, block: Frames) -> Frames:
@@ -70,8 +70,8 @@ class FramesStep(eqx.Module):
         return block
 
     def advance(
-        self, state: tuple[Any, Following, Array], scan: Frames, key: PRNGKeyArray
-    ) -> tuple[tuple[Any, Following, Array], Any]:
+        self, state: tuple[Any, Any, Array], scan: Frames, key: PRNGKeyArray
+    ) -> tuple[tuple[Any, Any, Array], Any]:
         """Memory, tracker and snapshots of the surface; the estimate and, of profiles, the rows of the pictures."""
         memory, following, surfaces = state
         time, frame, missing, slot = scan
@@ -123,7 +123,7 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         times = sequence.times[start : start + len(block[0])] - sequence.times[0]
         return _dataset(times, estimates, pictures, sequence)
 
-    def close(state: tuple[Any, Following, Array]) -> xr.Dataset:
+    def close(state: tuple[Any, Any, Array]) -> xr.Dataset:
         shown = np.concatenate([sequence.read(number, number + 1) for number in snapshots.tolist()]).astype(np.float32)
         return _snapshots(sequence.times[snapshots] - sequence.times[0], shown, np.asarray(state[2]), sequence)
 

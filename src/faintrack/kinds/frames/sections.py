@@ -6,7 +6,7 @@ from pydantic import Field
 
 from faintrack.kinds.scenario import Scenario
 from faintrack.scenario.section import Section
-from faintrack.scenario.sections import ParticlesSection, TargetSection, TrackerSection
+from faintrack.scenario.sections import ManySection, ParticlesSection, TargetSection
 
 
 class FramesSection(Section):
@@ -136,5 +136,5 @@ class FramesScenario(Scenario):
     cells: CellsSection = CellsSection()
     target: MovingTargetSection = MovingTargetSection()
     filter: FilterSection = FilterSection()
-    tracker: TrackerSection = TrackerSection()
+    tracker: ManySection = ManySection()
     simulation: SimulationSection | None = None

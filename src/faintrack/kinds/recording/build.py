@@ -12,6 +12,7 @@ from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.run import Likelihood
 from faintrack.kinds.recording.sections import RecordingScenario, SourceTargetSection
+from faintrack.kinds.several import Tracker, build_several
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.likelihoods.white_signal import WhiteSignal
@@ -21,7 +22,6 @@ from faintrack.signal.beamformer import Beamformer
 from faintrack.targets.motion import BearingMotion
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import Target, UniformBirth
-from faintrack.trackers.single import SingleTargetTracker
 
 FAINTEST = 0.02
 """Nats that one frame tells of the faintest target by default: fifty frames for a factor e."""
@@ -35,7 +35,7 @@ LOUDEST_DB = 20.0
 
 def build_tracker(
     scenario: RecordingScenario, array: SensorArray, plan: Beamformer, noise_power: np.ndarray | None = None
-) -> SingleTargetTracker | DetectAndTrack:
+) -> Tracker | DetectAndTrack:
     """Tracker of a scenario.
 
     Parameters
@@ -52,7 +52,7 @@ def build_tracker(
     table = scenario.likelihood
     likelihood: Likelihood
     if table.kind == "unknown_noise":
-        likelihood = UnknownNoise(plan.grid, snr_db)
+        likelihood = UnknownNoise(plan.grid, snr_db, plan)
     elif table.kind == "known_noise":
         power = table.noise_power if noise_power is None else noise_power
         likelihood = WhiteSignal(plan.grid, jnp.asarray(power, jnp.float32))
@@ -64,9 +64,7 @@ def build_tracker(
             )
         likelihood = lobe_width_likelihood(plan.grid, width, table.exponent)
     particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
-    return SingleTargetTracker(
-        particles, likelihood, scenario.tracker.declare, scenario.tracker.drop, scenario.filter.guided
-    )
+    return build_several(particles, likelihood, scenario.tracker, scenario.analysis.frame, scenario.filter.guided)
 
 
 def build_baseline(scenario: RecordingScenario, array: SensorArray, plan: Beamformer, target: Target) -> DetectAndTrack:

@@ -64,7 +64,7 @@ def calibrate(
             f"duration is {duration:g} s; expected from {interval:g} s, one frame, to {LONGEST * interval:g} s."
         )
     array, frames = simulated_array(scenario), round(duration / interval)
-    plan = build_beamformer(scenario.analysis, array, _sample_rate(scenario))
+    plan = build_beamformer(scenario.analysis, array, _sample_rate(scenario), scenario.analysis.taper)
     tracker = build_tracker(scenario, array, plan, np.ones(plan.grid.frequency.size, np.float32))
     time = interval * jnp.arange(1.0, frames + 1)
     if not isinstance(tracker, SingleTargetTracker) or scenario.likelihood.kind == "lobe_width":

@@ -21,6 +21,7 @@ from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
 from faintrack.kinds.recording.build import build_tracker, default_snr_db
 from faintrack.kinds.recording.sections import RecordingScenario
+from faintrack.kinds.several import Tracker
 from faintrack.results.schema import AXIS, NORTH, bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
 from faintrack.sensors.array import SensorArray
@@ -28,7 +29,6 @@ from faintrack.sensors.beams import BeamScan, bearings, lobe_width
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies
 from faintrack.signal.frames import framed, frames
-from faintrack.trackers.single import Estimate, SingleTargetTracker
 
 BLOCK_BYTES = 8 * 2**20
 """Beam power held at once; frames a block follow from it. What lies on the way to it takes several times as much:
@@ -42,7 +42,7 @@ class RecordingStep(eqx.Module):
     """Frames through beamformer and tracker."""
 
     beamformer: Beamformer
-    tracker: SingleTargetTracker | DetectAndTrack
+    tracker: Tracker | DetectAndTrack
 
     def scans(self, block: tuple[Array, Array, Array]) -> tuple[BeamScan, Float[Array, "frame beam"]]:
         """Scans of time, samples and usable channels of some frames, and the rows of the record in dB."""
@@ -51,7 +51,7 @@ class RecordingStep(eqx.Module):
 
     def advance(
         self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"]], key: PRNGKeyArray
-    ) -> tuple[Any, tuple[Estimate, Float[Array, " beam"]]]:
+    ) -> tuple[Any, tuple[Any, Float[Array, " beam"]]]:
         """As `faintrack.kinds.kind.Step.advance`."""
         following, estimate = self.tracker.step(state, scan[0], key)
         return following, (estimate, scan[1])
@@ -68,7 +68,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     array, rule = array_of(recording, scenario)
     band = scenario.analysis.band
     array, straight = as_heard(array, recording.sample_rate / 2 if band is None else band[1])
-    beamformer, length, count = plan_frames(recording, array, scenario.analysis)
+    beamformer, length, count = plan_frames(recording, array, scenario.analysis, scenario.analysis.taper)
     clean = CleanRecording(recording)
     described: Any = scenario.array
     likelihood = scenario.likelihood
@@ -87,7 +87,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         block = framed(clean.recording, length, start, min(stop, count) - start)
         return block.time, block.samples, block.usable
 
-    def rows(start: int, block: tuple[np.ndarray, ...], outputs: tuple[Estimate, np.ndarray]) -> xr.Dataset:
+    def rows(start: int, block: tuple[np.ndarray, ...], outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
         usable = block[2]
         heard[:] &= start > 0
         np.logical_or(heard, usable.any(axis=0), out=heard)
@@ -192,7 +192,7 @@ def _require_heard(recording: Recording, array: SensorArray, heard: Bool[np.ndar
 def _dataset(
     time: np.ndarray,
     usable: np.ndarray,
-    estimates: Estimate,
+    estimates: Any,
     record: np.ndarray,
     array: SensorArray,
     recording: Recording,

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from faintrack.kinds.scenario import Scenario
 from faintrack.scenario.array import ArraySection
 from faintrack.scenario.section import Pair, Section
-from faintrack.scenario.sections import AnalysisSection, ParticlesSection, TargetSection, TrackerSection
+from faintrack.scenario.sections import AnalysisSection, ManySection, ParticlesSection, TargetSection
 
 
 class FilesSection(Section):
@@ -85,15 +85,26 @@ class GuidedSection(ParticlesSection):
     guided: bool = True
 
 
-class MethodSection(TrackerSection):
+class TaperedSection(AnalysisSection):
+    """How samples become scans; see `faintrack.signal.beamformer.beamformer`.
+
+    Attributes
+    ----------
+    taper : whether snapshots overlap by half under Hann's window, where a frame holds several: what a loud source
+        leaves of a faint one beside it is heard then. It takes twice as many transforms.
+    """
+
+    taper: bool = True
+
+
+class MethodSection(ManySection):
     """How tracks come about.
 
     Attributes
     ----------
     method : "bernoulli", track before detect; or "cfar", the classical baseline (`faintrack.baselines`), which reads no
         likelihood and no particle filter.
-    declare : existence at which a track begins.
-    drop : existence of the track's own below which it ends.
+    targets, silence, declare, drop : see `faintrack.scenario.sections.ManySection`; "cfar" follows one target.
     """
 
     method: Literal["bernoulli", "cfar"] = "bernoulli"
@@ -165,7 +176,7 @@ class RecordingScenario(Scenario):
     kind: Literal["recording"] = "recording"
     array: ArraySection | None = None
     files: FilesSection = FilesSection()
-    analysis: AnalysisSection = AnalysisSection()
+    analysis: TaperedSection = TaperedSection()
     target: SourceTargetSection = SourceTargetSection()
     likelihood: LikelihoodSection = LikelihoodSection()
     filter: GuidedSection = GuidedSection()

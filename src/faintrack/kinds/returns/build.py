@@ -12,6 +12,7 @@ from faintrack.errors import InputError
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import POINTS, separable
 from faintrack.kinds.returns.sections import GridSection, ReturnsScenario, SonarSection
+from faintrack.kinds.several import Tracker, build_several
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.sensors.active import ActiveSonar, Pulse
@@ -20,7 +21,6 @@ from faintrack.signal.pings import Binned, in_bins
 from faintrack.targets.motion import OrnsteinUhlenbeck
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target, UniformBirth
-from faintrack.trackers.single import SingleTargetTracker
 
 VELOCITY_SHARE = 0.4
 """Standard deviation of a velocity component in the long run, over the grid's largest."""
@@ -178,7 +178,7 @@ def build_binned(scenario: ReturnsScenario, returns: Returns) -> Binned:
     return in_bins(returns, build_sonar(table), 10 ** (table.threshold_db / 10), moving)
 
 
-def build_tracker(scenario: ReturnsScenario, binned: Binned, grid: Grid) -> SingleTargetTracker:
+def build_tracker(scenario: ReturnsScenario, binned: Binned, grid: Grid) -> Tracker:
     """Tracker of a scenario for the returns of a sonar.
 
     Raises
@@ -199,7 +199,7 @@ def build_tracker(scenario: ReturnsScenario, binned: Binned, grid: Grid) -> Sing
     )
     target = Target(UniformBirth(low, high), motion, target_table.arrival_rate, target_table.departure_rate)
     carried = GridFilter(grid, target, separable(grid, motion, interval), returns=True)
-    return SingleTargetTracker(carried, likelihood, scenario.tracker.declare, scenario.tracker.drop)
+    return build_several(carried, likelihood, scenario.tracker, interval)
 
 
 def _require_room(table: SonarSection, binned: Binned) -> None:

@@ -23,12 +23,12 @@ from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
 from faintrack.kinds.returns.build import build_binned, build_grid, build_tracker, chosen, ping_interval
 from faintrack.kinds.returns.sections import ReturnsScenario
+from faintrack.kinds.several import Tracker
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import estimated, of_scans, planar
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
 from faintrack.targets.states import PlanarState
-from faintrack.trackers.single import Estimate, Following, SingleTargetTracker
 
 BLOCK_PINGS = 16
 """Pings taken in at once. Files of any length then share one compiled step."""
@@ -39,7 +39,7 @@ NEAR_CELLS = 3.0
 MAPS = {"position": ("x", "y"), "velocity": ("vx", "vy")}
 """What is kept of the belief after some pings, and its axes."""
 
-State = tuple[Following, tuple[Array, ...]]
+State = tuple[Any, tuple[Array, ...]]
 
 
 class ReturnsStep(eqx.Module):
@@ -51,7 +51,7 @@ class ReturnsStep(eqx.Module):
     grid : that carries its belief.
     """
 
-    tracker: SingleTargetTracker
+    tracker: Tracker
     grid: Grid = eqx.field(static=True)
 
     def scans(self, block: tuple[Ping, Int[Array, " ping"]]) -> tuple[Ping, Int[Array, " ping"]]:
@@ -60,7 +60,7 @@ class ReturnsStep(eqx.Module):
 
     def advance(
         self, state: State, scan: tuple[Ping, Int[Array, ""]], key: PRNGKeyArray
-    ) -> tuple[State, tuple[Estimate, PlanarState]]:
+    ) -> tuple[State, tuple[Any, PlanarState]]:
         """Tracker and snapshots after a ping; the estimate, and the cell of highest probability."""
         following, maps = state
         ping, slot = scan
@@ -109,9 +109,7 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         pings = eqx.tree_at(lambda pings: pings.time, pings, jnp.asarray(since[numbers] + interval, float))
         return pings, slots_of(numbers, snapshots)
 
-    def rows(
-        start: int, block: tuple[Ping, Int[np.ndarray, " ping"]], outputs: tuple[Estimate, PlanarState]
-    ) -> xr.Dataset:
+    def rows(start: int, block: tuple[Ping, Int[np.ndarray, " ping"]], outputs: tuple[Any, PlanarState]) -> xr.Dataset:
         pings, count = block[0], len(block[1])
         numbers = np.arange(start, start + count)
         places = _places(binned.sonar.geometry(pings), count)
@@ -146,7 +144,7 @@ def _places(pair: Bistatic, count: int) -> dict[str, Float[np.ndarray, " ping"]]
 
 def _dataset(
     times: np.ndarray,
-    estimates: Estimate,
+    estimates: Any,
     modes: PlanarState,
     counts: np.ndarray,
     places: dict[str, Float[np.ndarray, " ping"]],

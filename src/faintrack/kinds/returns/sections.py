@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from faintrack.kinds.scenario import Scenario
 from faintrack.scenario.moving import PlanarTargets
 from faintrack.scenario.section import Pair, Section
-from faintrack.scenario.sections import SeedSection, TargetSection, TrackerSection
+from faintrack.scenario.sections import ManySection, SeedSection, TargetSection
 
 
 class PulseSection(Section):
@@ -184,7 +184,7 @@ class ReturnsScenario(Scenario):
     grid: GridSection
     target: ShipSection = ShipSection()
     filter: SeedSection = SeedSection()
-    tracker: TrackerSection = TrackerSection()
+    tracker: ManySection = ManySection()
     simulation: SimulationSection | None = None
 
     @model_validator(mode="before")

@@ -15,7 +15,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.kinds.sweeps.echoes import Rows, turned, wrapped
@@ -35,13 +34,13 @@ class Sweep(eqx.Module):
     Attributes
     ----------
     rows : when and whence they looked.
-    values : intensity over the deviation of a cell.
-    time : of the middle of the sweep; seconds from the first.
+    values : intensity over the deviation of a cell; shape (*sweep, row, sample).
+    time : of the middle of the sweep, shape (*sweep,); seconds from the first.
     """
 
     rows: Rows
-    values: Float[Array, "*sweep row sample"] | Float[np.ndarray, "*sweep row sample"]
-    time: Float[Array, "*sweep"] | Float[np.ndarray, "*sweep"]
+    values: Any
+    time: Any
 
 
 class Watching(eqx.Module):
@@ -119,7 +118,7 @@ class SweepsTracker(eqx.Module):
     def step(self, watching: Watching, sweep: Sweep) -> tuple[Watching, SweepEstimate]:
         """Take in a sweep: open windows, update them, declare, and lay them out anew when it is time."""
         rows = sweep.rows
-        table = self.layout.echoes.table(sweep.values, rows.received)
+        table = self.layout.echoes.table(sweep.values, jnp.asarray(rows.received))
         ahead = watching.laid + self.watch / 2 - sweep.time
         windows, unwatched = self._opened(watching.windows, rows, table, ahead)
         interval = jnp.maximum(sweep.time - watching.time, 0)

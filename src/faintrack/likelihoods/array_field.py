@@ -1,0 +1,227 @@
+r"""Sources that are part of an array's background: what is heard beside them.
+
+Sources add in the covariance of the channels. With :math:`d_j` the steering vector of one that is there, and noise of
+power :math:`\sigma^2`, snapshots of a bin have the covariance :math:`\sigma^2 G`,
+
+.. math:: G = I + \sum_j L_j \, \mathrm{E}[d_j d_j^*], \qquad
+    \frac{p(z \mid G + a d d^*)}{p(z \mid G)} \text{ is a function of } \quad
+    w = d^* G^{-1} d, \quad P = \sum_k |d^* G^{-1} z_k|^2, \quad E = \sum_k z_k^* G^{-1} z_k .
+
+Without a source in the background w is the number of channels, P the beam power, E the total power: a likelihood of one
+source reads the same three numbers, and needs no other change.
+
+A source is not known exactly, and what is not known of a loud one hides a faint one beside it. So its covariance is
+averaged over what is believed of its bearing, by two directions a standard deviation to either side of the mean, and
+has the two patterns along the array that a snapshot of finite length leaves of it,
+:math:`d \circ \tau` and :math:`d \circ \tau^2` (`faintrack.signal.beamformer`). Its spectrum is not known either: the
+level that is taken from it grows from four times its own where it is faint to all of it where it is loud,
+
+.. math:: L = 4 a (1 + M a) q ,
+
+q its existence. Of M dimensions a frame then holds as many as expected under the level a itself,
+
+.. math:: M' = \operatorname{tr} G^{-1} \left(I + \sum_j a_j \mathrm{E}[d_j d_j^*]\right).
+
+Columns are taken in one by one (Sherman and Morrison): with :math:`u = G^{-1} b` and :math:`s = 1 + b^* u`, the
+inverse of :math:`G + b b^*` is :math:`G^{-1} - u u^* / s`.
+
+**Alike** are two directions whose steering vectors have a coherence :math:`|d^* d'|^2 / M^2` above one half, averaged
+over the band: sources so near each other are one to the array.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
+
+from faintrack.errors import InputError
+from faintrack.numerics.precision import full_precision
+from faintrack.numerics.trigonometry import sine_cosine
+from faintrack.sensors.array import SensorArray
+from faintrack.sensors.beams import BeamGrid, BeamScan
+from faintrack.signal.beamformer import Beamformer
+from faintrack.targets.states import BearingState
+
+COLUMNS = 4
+"""Of the covariance of one source: two directions, two patterns along the array."""
+
+CURVATURE = 2 * np.pi**2 / 3
+"""Of the correlation of Hann's window with itself, in units of its length."""
+
+COHERENT = 0.5
+"""Coherence from which on two directions are alike."""
+
+BINS = 8
+"""Frequencies at which the coherence is looked at."""
+
+
+class ArrayField(eqx.Module):
+    r"""Sources in the background of a scan.
+
+    Attributes
+    ----------
+    columns : :math:`G^{-1} = I - Q Q^*` in every bin, `COLUMNS` of each source.
+    spectra : :math:`G^{-1} z`.
+    energy : E.
+    dimensions : :math:`M'`.
+    """
+
+    columns: Complex[Array, "*scan frequency column channel"]
+    spectra: Complex[Array, "*scan snapshot frequency channel"]
+    energy: Float[Array, "*scan frequency"]
+    dimensions: Float[Array, "*scan frequency"]
+
+
+class Sources(eqx.Module):
+    """What is believed of the sources that are there, one entry each.
+
+    Attributes
+    ----------
+    bearing, deviation : mean and standard deviation; radians.
+    snr : power over that of the noise at one channel, linear.
+    existence : probability that it is there.
+    """
+
+    bearing: Float[Array, " source"]
+    deviation: Float[Array, " source"]
+    snr: Float[Array, " source"]
+    existence: Float[Array, " source"]
+
+
+def sources_of(
+    states: BearingState, log_weights: Float[Array, "source point"], existence: Float[Array, " source"]
+) -> Sources:
+    """Sources from the points of their beliefs.
+
+    Parameters
+    ----------
+    states : components have the shape (source, point).
+    log_weights, existence : of the beliefs.
+    """
+    weights = jnp.exp(log_weights)
+    sine, cosine = sine_cosine(states.bearing)
+    middle = jnp.arctan2(jnp.sum(weights * sine, axis=1), jnp.sum(weights * cosine, axis=1))
+    off = states.bearing - middle[:, None]
+    off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
+    deviation = jnp.sqrt(jnp.sum(weights * off**2, axis=1))
+    snr = 10 ** (jnp.sum(weights * states.snr_db, axis=1) / 10)
+    return Sources(middle, deviation, snr, existence)
+
+
+def steered(
+    array: SensorArray, frequency: Float[Array, " frequency"], bearing: Float[Array, " bearing"]
+) -> tuple[Complex[Array, "frequency bearing channel"], Float[Array, "bearing channel"]]:
+    """Steering vectors, and the delays about their mean; s."""
+    delays = array.delays(bearing)
+    sine, cosine = sine_cosine(2 * jnp.pi * frequency[:, None, None] * delays)
+    return jax.lax.complex(cosine, -sine), delays - jnp.mean(delays, axis=-1, keepdims=True)
+
+
+@full_precision
+def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan:
+    """Scan with sources as part of its background; what was received stays in it as it is.
+
+    Parameters
+    ----------
+    beamformer : that made the scan.
+    scan : with its spectra; it may have a field already.
+    sources : one whose existence is 0 adds nothing.
+
+    Raises
+    ------
+    InputError : the scan has no spectra.
+    """
+    if scan.spectra is None:
+        raise InputError("the scan of an array has no spectra; expected them, for sources in its background.")
+    array, grid, dtype = beamformer.grid.array, beamformer.grid, scan.total_power.dtype
+    assert array is not None
+    frequency = jnp.asarray(grid.frequency, dtype)
+    resolution = beamformer.resolution
+    # Channels that are silent in a frame hear no source either.
+    used = (jnp.sum(jnp.abs(scan.spectra) ** 2, axis=(0, 1)) > 0).astype(dtype)
+    snr, channels = sources.snr, scan.channels
+    level = 4 * snr * (1 + channels * snr) * sources.existence
+    true = jnp.where(level > 0, snr * sources.existence / jnp.where(level > 0, level, 1), 0)
+
+    def added(held: Any, source: Any) -> tuple[Any, None]:
+        return jax.lax.cond(source[2] > 0, taken_in, lambda held, source: held, held, source), None
+
+    def taken_in(held: tuple[Array, ...], source: tuple[Array, ...]) -> tuple[Array, ...]:
+        bearing, deviation, level, true, number = source
+        directions = jnp.stack([bearing + deviation, bearing - deviation, bearing])
+        vectors, delays = steered(array, frequency, directions)
+        vectors = vectors * used
+        lag = resolution * delays[2]
+        along = jnp.stack([jnp.sqrt(2 * CURVATURE) * lag, CURVATURE * (lag**2 - jnp.mean(lag**2))])
+        patterns = jnp.concatenate([vectors[:, :2] * 0.5**0.5, vectors[:, 2:] * along], axis=1) * jnp.sqrt(level)
+
+        def one(place: Any, held: tuple[Array, ...]) -> tuple[Array, ...]:
+            columns, spectra, energy, share = held
+            column, row = patterns[:, place], COLUMNS * number + place + first
+            inner = jnp.einsum("frc,fc->fr", columns.conj(), column)
+            solved = column - jnp.einsum("fr,frc->fc", inner, columns)
+            scale = 1 + jnp.einsum("fc,fc->f", column.conj(), solved).real
+            along = jnp.einsum("fc,kfc->kf", column.conj(), spectra)
+            energy = energy - jnp.sum(jnp.abs(along) ** 2, axis=0) / scale
+            spectra = spectra - jnp.einsum("kf,fc->kfc", along / scale, solved)
+            columns = columns.at[:, row].set(solved / jnp.sqrt(scale)[:, None])
+            return columns, spectra, energy, share + true * (1 - 1 / scale)
+
+        return jax.lax.fori_loop(0, COLUMNS, one, held)
+
+    before, count, shape = scan.field, len(sources.bearing), scan.spectra.shape
+    columns = jnp.zeros((len(frequency), COLUMNS * count, shape[-1]), scan.spectra.dtype)
+    first, spectra, energy, share = 0, scan.spectra, scan.total_power, jnp.zeros(len(frequency), dtype)
+    if before is not None:
+        first, spectra, energy = before.columns.shape[1], before.spectra, before.energy
+        columns = jnp.concatenate([before.columns, columns], axis=1)
+        share = before.dimensions - channels + jnp.sum(jnp.abs(before.columns) ** 2, axis=(1, 2))
+    each = (sources.bearing, sources.deviation, level, true, jnp.arange(count))
+    (columns, spectra, energy, share), _ = jax.lax.scan(added, (columns, spectra, energy, share), each)
+    dimensions = jnp.maximum(channels - jnp.sum(jnp.abs(columns) ** 2, axis=(1, 2)) + share, 1)
+    return dataclasses.replace(scan, field=ArrayField(columns, spectra, jnp.maximum(energy, 0), dimensions))
+
+
+def beams_beside(
+    beamformer: Beamformer, scan: BeamScan
+) -> tuple[Float[Array, "frequency bearing"], Float[Array, "frequency bearing"]]:
+    """P and w of every beam of a scan with a field."""
+    field = scan.field
+    alone = ~jnp.any(field.columns.real != 0)
+
+    def taken(columns: Complex[Array, "column frequency channel"]) -> Float[Array, "frequency bearing"]:
+        nothing = jnp.zeros((columns.shape[1], beamformer.grid.beams), field.energy.dtype)
+        some = jnp.any(columns.real != 0)
+        return jax.lax.cond(some, lambda: beamformer.beam_power(columns[None])[0], lambda: nothing)
+
+    stacked = jnp.moveaxis(field.columns, 1, 0)
+    stacked = stacked.reshape(-1, COLUMNS, *stacked.shape[1:])
+    gain = scan.channels - jnp.sum(jax.lax.map(taken, stacked), axis=0)
+    power = jax.lax.cond(alone, lambda: scan.beam_power, lambda: beamformer.beam_power(field.spectra[None])[0])
+    return power, jnp.maximum(gain, 0)
+
+
+def coherence(grid: BeamGrid, bearing: Float[Array, " source"], dtype: Any) -> Float[Array, "source bearing"]:
+    """Coherence of directions with those of all beams, averaged over the band (the module's last paragraph)."""
+    array = grid.array
+    assert array is not None
+    few = np.unique(np.linspace(0, grid.frequency.size - 1, BINS).round().astype(int))
+    frequency = jnp.asarray(grid.frequency[few], dtype)
+    beams, _ = steered(array, frequency, jnp.asarray(grid.bearing, dtype))
+    vectors, _ = steered(array, frequency, bearing)
+    alive = jnp.asarray(array.alive, dtype)
+    products = jnp.einsum("fsc,fbc->fsb", (vectors * alive).conj(), beams)
+    return jnp.mean(jnp.abs(products) ** 2, axis=0) / jnp.sum(alive) ** 2
+
+
+def alike(grid: BeamGrid, states: BearingState, centres: BearingState) -> Bool[Array, "centre *points"]:
+    """Which directions are alike to those of the centres, taken at the nearest beams."""
+    close = coherence(grid, centres.bearing, states.bearing.dtype) > COHERENT
+    first, spacing = grid.bearing[0], grid.bearing[1] - grid.bearing[0]
+    number = jnp.round((states.bearing - first) / spacing).astype(jnp.int32)
+    number = number % grid.beams if grid.circular else jnp.clip(number, 0, grid.beams - 1)
+    return close[:, number]

@@ -1,0 +1,395 @@
+r"""Many targets of any sensor: some in hand, one sought, each with the others as its background.
+
+What is not in hand is sought by the filter of one target, as `faintrack.trackers.single` does, in scans that have the
+targets in hand as part of their background (`faintrack.likelihoods.protocols.Beside`). Where the probability that a
+target exists near one place reaches a threshold, it is taken in hand: its part of the belief is cut out, and what is
+left seeks the next.
+
+Every target in hand has a belief of its own without births, so a label moves no further than motion allows. It is
+updated with what is expected of all others in its background, which is the linear multitarget approximation of Musicki
+and La Scala (*Multi-target tracking in clutter without measurement assignment*, 2008) carried over from the clutter of
+detections to any background: exact for one target, and for several whose supports do not meet. Two tracks on one target
+explain it to each other; their odds fall until one of them is dropped. A target may fall silent
+(`faintrack.targets.silence`); with h the probability that it is heard,
+
+.. math:: I = h \sum_i w_i \ell(z|x_i) + 1 - h, \qquad \frac{q}{1-q} \leftarrow \frac{q}{1-q} I .
+
+States that a sensor hardly tells from a target in hand are not sought.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from faintrack.beliefs.belief import Belief, moments, update
+from faintrack.filters.run import Filter
+from faintrack.filters.tempered import tempered
+from faintrack.likelihoods.protocols import Proposing, Sighted, Zooming, log_ratios
+from faintrack.numerics.draws import uniform
+from faintrack.numerics.resampling import systematic
+from faintrack.targets.silence import Silence
+
+CANDIDATES = 32
+"""Places that are looked at for the peak of a belief."""
+
+AT_ONCE = 4
+"""Targets that are taken in hand after one scan at most."""
+
+
+@runtime_checkable
+class Carrying(Filter, Protocol):
+    """A filter that can follow a target in hand."""
+
+    def carry(self, belief: Belief, time: Float[Array, ""], key: PRNGKeyArray) -> tuple[Belief, Float[Array, ""]]:
+        """Belief of a target that stays, carried forward without births; the log of the share that left."""
+
+    def taken(self, belief: Belief, inside: Bool[Array, "..."], key: PRNGKeyArray) -> Belief:
+        """Belief of a target that has been found, from the points inside."""
+
+
+class Hand(eqx.Module):
+    """Targets in hand, a slot each.
+
+    Attributes
+    ----------
+    beliefs : stacked.
+    heard : natural log of the odds that a target is heard, if it exists.
+    label : of the track; 0 in a free slot.
+    """
+
+    beliefs: Belief
+    heard: Float[Array, " slot"]
+    label: Int[Array, " slot"]
+
+    @property
+    def active(self) -> Bool[Array, " slot"]:
+        """Slots with a target."""
+        return self.label > 0
+
+    @property
+    def heard_existence(self) -> Float[Array, " slot"]:
+        """Probability that each target exists and is heard; 0 in a free slot."""
+        both = jax.nn.sigmoid(self.beliefs.log_odds) * jax.nn.sigmoid(self.heard)
+        return jnp.where(self.active, both, 0)
+
+
+class Seeking(eqx.Module):
+    """What is known between scans.
+
+    Attributes
+    ----------
+    sought : belief about a target that is not in hand.
+    hand : targets in hand.
+    labels : given so far.
+    scans : taken in so far.
+    """
+
+    sought: Belief
+    hand: Hand
+    labels: Int[Array, ""]
+    scans: Int[Array, ""]
+
+    @property
+    def beliefs(self) -> tuple[Belief, ...]:
+        """What is believed of the target in each slot, of none in a free one, and of the one that is sought."""
+        log_odds = jnp.where(self.hand.active, self.hand.beliefs.log_odds, -jnp.inf)
+        held = eqx.tree_at(lambda beliefs: beliefs.log_odds, self.hand.beliefs, log_odds)
+        return (*(_of_slot(held, slot) for slot in range(len(log_odds))), self.sought)
+
+    @property
+    def belief(self) -> Belief:
+        """Points of all beliefs together, each with the odds of its own target; of a grid, the sums in its cells."""
+        free = jnp.where(self.hand.active, self.hand.beliefs.log_odds, -jnp.inf)
+        held = self.hand.beliefs.log_weights + free.reshape(-1, *(1,) * (self.hand.beliefs.log_weights.ndim - 1))
+        alone = self.sought.log_weights + self.sought.log_odds
+        if self.sought.born is None:
+            states, joint = self.sought.states, jax.nn.logsumexp(jnp.concatenate([held, alone[None]]), axis=0)
+        else:
+            joint = jnp.concatenate([held.ravel(), alone])
+            states = jax.tree.map(
+                lambda held, alone: jnp.concatenate([held.ravel(), alone]), self.hand.beliefs.states, self.sought.states
+            )
+        log_odds = jax.nn.logsumexp(joint)
+        some = log_odds > -jnp.inf
+        log_weights = jnp.where(some, joint - jnp.where(some, log_odds, 0), -jnp.log(joint.size))
+        return Belief(states, log_weights.astype(joint.dtype), log_odds, self.sought.time)
+
+
+class Found(eqx.Module):
+    """What is known within a scan: what is left to seek, what is in hand, and what the scan said.
+
+    Attributes
+    ----------
+    sought, hand, labels : as of `Seeking`.
+    log_evidence : of the scan, for the belief that seeks.
+    full : a target was found, and there was no free slot.
+    """
+
+    sought: Belief
+    hand: Hand
+    labels: Int[Array, ""]
+    log_evidence: Float[Array, ""]
+    full: Bool[Array, ""]
+
+
+class ManyEstimate(eqx.Module):
+    """What the tracker says after a scan. The last slot is that of the target that is sought.
+
+    Attributes
+    ----------
+    time : of the scan; seconds.
+    label : of the track in each slot; 0 where there is none.
+    existence : probability that the target of the slot exists; 0 in a free one.
+    mean : state.
+    covariance : of its components in their order.
+    heard : probability that the target is heard, if it exists.
+    log_evidence : log of the mean ratio of the scan over the belief that seeks.
+    full : a target was found, and there was no free slot.
+    """
+
+    time: Float[Array, "*scan"]
+    label: Int[Array, "*scan slot"]
+    existence: Float[Array, "*scan slot"]
+    mean: Any
+    covariance: Float[Array, "*scan slot component component"]
+    heard: Float[Array, "*scan slot"]
+    log_evidence: Float[Array, "*scan"]
+    full: Bool[Array, "*scan"]
+
+
+class ManyTargetsTracker(eqx.Module):
+    """Seeks, declares, follows and drops several targets.
+
+    Attributes
+    ----------
+    filter : carries beliefs, with and without births.
+    likelihood : takes in scans; it can put targets into their background.
+    silence : how targets fall silent.
+    targets : in hand at most.
+    declare : existence near one place at which a track begins; above `drop`.
+    drop : existence below which it ends.
+    guided : whether newborn particles are drawn where the scan points, by a likelihood that can propose them.
+    """
+
+    filter: Carrying
+    likelihood: Any
+    silence: Silence
+    targets: int = eqx.field(static=True, default=6)
+    declare: float = 0.97
+    drop: float = 0.3
+    guided: bool = eqx.field(static=True, default=False)
+
+    def init(self, key: PRNGKeyArray) -> Seeking:
+        """State before the first scan."""
+        sought = self.filter.init(key)
+        inside = jnp.ones(sought.log_weights.shape, bool)
+        one = jax.eval_shape(self.filter.taken, sought, inside, key)
+        beliefs = jax.tree.map(lambda leaf: jnp.zeros((self.targets, *leaf.shape), leaf.dtype), one)
+        beliefs = eqx.tree_at(
+            lambda belief: belief.states,
+            beliefs,
+            _repeated(self.filter.taken(sought, inside, key).states, self.targets),
+        )
+        label = jnp.zeros(self.targets, jnp.int32)
+        hand = Hand(beliefs, jnp.zeros_like(beliefs.log_odds), label)
+        return Seeking(sought, hand, jnp.array(0), jnp.array(0))
+
+    def step(self, seeking: Seeking, scan: Any, key: PRNGKeyArray) -> tuple[Seeking, ManyEstimate]:
+        """Take in one scan. `key` is that of the whole recording; each scan makes its own from it."""
+        key = jax.random.fold_in(key, seeking.scans)
+        for_hand, for_sought, for_taking = jax.random.split(key, 3)
+        hand = self._followed(seeking.hand, scan, for_hand)
+        start = Found(seeking.sought, hand, seeking.labels, jnp.zeros_like(seeking.sought.log_odds), jnp.array(False))
+
+        def again(carried: tuple[Found, Array, Array]) -> Array:
+            return carried[1]
+
+        def seek(carried: tuple[Found, Array, Array]) -> tuple[Found, Array, Array]:
+            before, _, number = carried
+            new = before.hand.label > seeking.labels
+            sought, log_evidence = self._sought(seeking.sought, before.hand, new, scan, for_sought)
+            before = dataclasses.replace(before, sought=sought, log_evidence=log_evidence)
+            after = self._taken(before, scan, jax.random.fold_in(for_taking, number))
+            return after, (after.labels > before.labels) & (number + 1 < AT_ONCE), number + 1
+
+        # What is found is part of the background, also of the scan that it was found in, before more is sought.
+        found, _, _ = jax.lax.while_loop(again, seek, (start, jnp.array(True), jnp.array(0)))
+        after = Seeking(found.sought, found.hand, found.labels, seeking.scans + 1)
+        return after, self._estimate(found)
+
+    @eqx.filter_jit
+    def steps(self, seeking: Seeking, scans: Any, key: PRNGKeyArray) -> tuple[Seeking, ManyEstimate]:
+        """Take in a stack of scans in one compiled loop; the estimates are stacked."""
+        return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), seeking, scans)
+
+    def _followed(self, hand: Hand, scan: Any, key: PRNGKeyArray) -> Hand:
+        """Targets in hand after a scan."""
+        keys = jax.random.split(key, (self.targets, 2))
+        number = jnp.arange(self.targets)
+
+        def carried(belief: Belief, heard: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
+            interval = scan.time - belief.time
+            moved, log_lost = self.filter.carry(belief, scan.time, key)
+            departure_rate = self.filter.target.departure_rate
+            log_odds, heard = self.silence.forecast(belief.log_odds, heard, departure_rate, interval, log_lost)
+            moved = dataclasses.replace(moved, log_odds=log_odds)
+            if isinstance(self.likelihood, Sighted):
+                moved, _ = update(moved, self.likelihood.in_sight(moved.states))
+            return moved, heard
+
+        def still(belief: Belief, heard: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
+            return dataclasses.replace(belief, time=scan.time), heard
+
+        beliefs, heard = _over(hand.active, carried, still, hand.beliefs, hand.heard, keys[:, 0])
+        predicted = Hand(beliefs, heard, hand.label)
+        expected = predicted.heard_existence
+
+        def updated(belief: Belief, heard: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
+            others = jnp.where(number == slot, 0, expected)
+            return self._heard(belief, heard, self._beside(scan, predicted, others), key)
+
+        def as_it_is(belief: Belief, heard: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
+            return belief, heard
+
+        beliefs, heard = _over(hand.active, updated, as_it_is, beliefs, heard, number, keys[:, 1])
+        kept = hand.active & (jax.nn.sigmoid(beliefs.log_odds) >= self.drop)
+        return Hand(beliefs, heard, jnp.where(kept, hand.label, 0))
+
+    def _heard(
+        self, belief: Belief, heard: Float[Array, ""], scan: Any, key: PRNGKeyArray
+    ) -> tuple[Belief, Float[Array, ""]]:
+        """Belief of a target that may be silent, and the odds that it is heard (the module's equation)."""
+        for_steps, for_draw, for_rest, for_choice = jax.random.split(key, 4)
+        log_odds, particles = belief.log_odds, belief.born is not None
+        if particles:
+            zooming = isinstance(self.likelihood, Zooming)
+            log_ratio = (
+                self.likelihood.zoomed(scan, belief.states, belief.log_weights).log_ratio
+                if zooming
+                else partial(self.likelihood.log_ratio, scan)
+            )
+            updated, log_evidence = tempered(belief, log_ratio, for_steps)
+        else:
+            updated, log_evidence = update(belief, log_ratios(self.likelihood, scan, belief.states))
+        gained = jnp.logaddexp(jax.nn.log_sigmoid(heard) + log_evidence, jax.nn.log_sigmoid(-heard))
+        heard = heard + log_evidence
+        if particles:
+            count = belief.log_weights.size
+            chosen = systematic(for_draw, updated.log_weights, count, count)
+            silent = systematic(for_rest, belief.log_weights, count, count)
+            mine = uniform(for_choice, (count,), log_odds.dtype) < jax.nn.sigmoid(heard)
+            states = jax.tree.map(
+                lambda new, old: jnp.where(mine, new[chosen], old[silent]), updated.states, belief.states
+            )
+            equal = jnp.full_like(belief.log_weights, -jnp.log(count))
+            belief = dataclasses.replace(belief, states=states, log_weights=equal)
+        else:
+            log_weights = jnp.logaddexp(
+                jax.nn.log_sigmoid(heard) + updated.log_weights, jax.nn.log_sigmoid(-heard) + belief.log_weights
+            )
+            belief = dataclasses.replace(belief, log_weights=log_weights)
+        return dataclasses.replace(belief, log_odds=log_odds + gained), heard
+
+    def _beside(self, scan: Any, hand: Hand, existence: Float[Array, " slot"]) -> Any:
+        """Scan with targets in hand as part of its background."""
+        return self.likelihood.beside(scan, hand.beliefs.states, hand.beliefs.log_weights, existence)
+
+    def _sought(
+        self, sought: Belief, hand: Hand, new: Bool[Array, " slot"], scan: Any, key: PRNGKeyArray
+    ) -> tuple[Belief, Float[Array, ""]]:
+        """Belief about a target that is not in hand, after a scan; what is new in hand is cut out of it."""
+        scan = self._beside(scan, hand, hand.heard_existence)
+        guided = self.guided and isinstance(self.likelihood, Proposing)
+        guide = {"guide": partial(self.likelihood.propose, scan)} if guided else {}
+        predicted = self.filter.predict(sought, scan.time, key, **guide)
+        close = self.likelihood.alike(scan, predicted.states, _means(hand.beliefs))
+        among = (-1, *(1,) * (close.ndim - 1))
+        near = jnp.any(close & hand.active.reshape(among), axis=0)
+        log_ratio = jnp.where(near, 0, log_ratios(self.likelihood, scan, predicted.states))
+        return update(_without(predicted, jnp.any(close & new.reshape(among), axis=0)), log_ratio)
+
+    def _taken(self, found: Found, scan: Any, key: PRNGKeyArray) -> Found:
+        """Take in hand what has been found at one place, where there is such and a free slot."""
+        sought, hand, labels = found.sought, found.hand, found.labels
+
+        def look() -> Found:
+            for_peak, for_choice = jax.random.split(key)
+            inside, log_share = self._peak(sought, scan, for_peak)
+            sure = jax.nn.sigmoid(sought.log_odds + log_share) >= self.declare
+            taken = sure & ~jnp.all(hand.active)
+            mine = taken & (jnp.arange(self.targets) == jnp.argmin(hand.active))
+            new = self.filter.taken(sought, inside, for_choice)
+            beliefs = jax.tree.map(
+                lambda held, new: jnp.where(mine.reshape(-1, *(1,) * new.ndim), new[None].astype(held.dtype), held),
+                hand.beliefs,
+                new,
+            )
+            held = Hand(beliefs, jnp.where(mine, jnp.inf, hand.heard), jnp.where(mine, labels + 1, hand.label))
+            rest = _without(sought, inside)
+            left = jax.tree.map(lambda cut, whole: jnp.where(taken, cut, whole), rest, sought)
+            return Found(left, held, labels + taken, found.log_evidence, found.full | (sure & ~taken))
+
+        return jax.lax.cond(sought.existence >= self.declare, look, lambda: found)
+
+    def _peak(self, belief: Belief, scan: Any, key: PRNGKeyArray) -> tuple[Bool[Array, "*points"], Float[Array, ""]]:
+        """Points alike to the place that most of a belief is alike to, and the log of their share."""
+        weights = belief.log_weights
+        numbers = systematic(key, weights.ravel(), CANDIDATES, CANDIDATES)
+        centres = jax.tree.map(lambda values: jnp.broadcast_to(values, weights.shape).ravel()[numbers], belief.states)
+        close = self.likelihood.alike(scan, belief.states, centres)
+        shares = jax.nn.logsumexp(jnp.where(close, weights, -jnp.inf).reshape(CANDIDATES, -1), axis=1)
+        best = jnp.argmax(shares)
+        return jnp.broadcast_to(close[best], weights.shape), shares[best]
+
+    def _estimate(self, found: Found) -> ManyEstimate:
+        sought, hand = found.sought, found.hand
+        middles, matrices = _moments(hand.beliefs)
+        middle, matrix = moments(sought)
+        existence = jnp.where(hand.active, jax.nn.sigmoid(hand.beliefs.log_odds), 0)
+        return ManyEstimate(
+            sought.time,
+            jnp.append(hand.label, 0),
+            jnp.append(existence, sought.existence),
+            jax.tree.map(lambda held, one: jnp.append(held, one), middles, middle),
+            jnp.concatenate([matrices, matrix[None]]),
+            jnp.append(jax.nn.sigmoid(hand.heard), 1).astype(existence.dtype),
+            found.log_evidence,
+            found.full,
+        )
+
+
+def _of_slot(beliefs: Belief, slot: int) -> Belief:
+    return jax.tree.map(lambda leaf: leaf[slot], beliefs)
+
+
+def _over(active: Bool[Array, " slot"], then: Callable[..., Any], otherwise: Callable[..., Any], *operands: Any) -> Any:
+    """One function of the slots that are active, another of the rest; one by one, so that a free slot costs nothing."""
+    return jax.lax.map(lambda each: jax.lax.cond(each[0], then, otherwise, *each[1:]), (active, *operands))
+
+
+def _repeated(tree: Any, count: int) -> Any:
+    return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], count, axis=0), tree)
+
+
+def _moments(beliefs: Belief) -> tuple[Any, Float[Array, "slot component component"]]:
+    """Mean and covariance of every belief."""
+    return jax.lax.map(moments, beliefs)
+
+
+def _means(beliefs: Belief) -> Any:
+    return _moments(beliefs)[0]
+
+
+def _without(belief: Belief, inside: Bool[Array, "*points"]) -> Belief:
+    """What is left of a belief without some of its points."""
+    rest = jnp.where(inside, -jnp.inf, belief.log_weights)
+    share = jax.nn.logsumexp(rest)
+    some = share > -jnp.inf
+    log_weights = jnp.where(some, rest - jnp.where(some, share, 0), -jnp.log(rest.size))
+    return dataclasses.replace(belief, log_weights=log_weights.astype(rest.dtype), log_odds=belief.log_odds + share)
