@@ -70,8 +70,8 @@ def test_log_ratio_is_that_of_poisson(place: tuple[float, float]) -> None:
     counts[2, 3] = np.nan
     with_target = stats.poisson.logpmf(counts, BACKGROUND + LEVEL * shares_of(np.array(place)))
     expected = np.nansum(with_target - stats.poisson.logpmf(counts, BACKGROUND))
-    found = WHOLE.log_ratio(WHOLE.with_margin(jnp.asarray(counts)), jnp.asarray(place))
-    assert float(found) == pytest.approx(expected, abs=300 * rounding(np.float32) * float(np.nansum(counts)))
+    result = WHOLE.log_ratio(WHOLE.with_margin(jnp.asarray(counts)), jnp.asarray(place))
+    assert float(result) == pytest.approx(expected, abs=300 * rounding(np.float32) * float(np.nansum(counts)))
 
 
 def test_mean_ratio_under_noise_is_1() -> None:
@@ -106,10 +106,10 @@ def test_shots_are_attributed_by_integration(place: tuple[float, float]) -> None
     rate = (BACKGROUND + LEVEL * share)[np.clip(number[0], 0, ROWS - 1)[:, None], np.clip(number[1], 0, COLUMNS - 1)]
     shots = LEVEL * density * np.where(inside & ~np.isnan(held), np.nan_to_num(held) / rate, 1)
     middle = [(shots.sum(axis=1 - axis) @ along[axis]) / shots.sum() for axis in range(2)]
-    found, place_found = WHOLE.attribute(WHOLE.with_margin(jnp.asarray(counts)), jnp.asarray(place))
+    result, middle_result = WHOLE.attribute(WHOLE.with_margin(jnp.asarray(counts)), jnp.asarray(place))
     # Sums over squares of 1 / 40 of a cell are good to the square of that.
-    assert float(found) == pytest.approx(shots.sum(), rel=1e-3)
-    np.testing.assert_allclose(place_found, middle, atol=1e-3)
+    assert float(result) == pytest.approx(shots.sum(), rel=1e-3)
+    np.testing.assert_allclose(middle_result, middle, atol=1e-3)
 
 
 def kalman(mean: np.ndarray, measured: np.ndarray, precision: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -133,13 +133,13 @@ def test_smoother_is_that_of_rauch_tung_and_striebel() -> None:
     random = np.random.default_rng(5)
     mean, measured, precision = random.normal(size=(2, 2)), random.normal(0, 3, (6, 2)), random.uniform(0, 2, 6)
     precision[2] = 0
-    found = smooth(*(jnp.asarray(each) for each in (mean, START, STEP, NOISE, measured, precision)))
+    result = smooth(*(jnp.asarray(each) for each in (mean, START, STEP, NOISE, measured, precision)))
     near = {"rtol": 0, "atol": 300 * rounding(np.float32)}
     for axis in range(2):
         smoothed, filtered, covariance = kalman(mean[axis], measured[:, axis], precision)
-        np.testing.assert_allclose(found.mean[:, axis], smoothed, **near)
-        np.testing.assert_allclose(found.filtered[:, axis], filtered, **near)
-        np.testing.assert_allclose(found.covariance, covariance, **near)
+        np.testing.assert_allclose(result.mean[:, axis], smoothed, **near)
+        np.testing.assert_allclose(result.filtered[:, axis], filtered, **near)
+        np.testing.assert_allclose(result.covariance, covariance, **near)
 
 
 def test_without_noise_one_iteration_is_a_kalman_smoother_of_the_middles() -> None:
@@ -148,16 +148,16 @@ def test_without_noise_one_iteration_is_a_kalman_smoother_of_the_middles() -> No
     truth = np.array([4.0, 6.0]) + np.arange(SCANS)[:, None] * np.array([0.3, 0.6])
     counts = np.random.default_rng(6).poisson([LEVEL * shares_of(place) for place in truth]).astype(np.float32)
     begun = candidate(np.array([[4.2, 0.0], [6.1, 0.5]]))
-    found = fitted(pmht(1, histogram), jnp.asarray(counts), begun)
+    result = fitted(pmht(1, histogram), jnp.asarray(counts), begun)
     attribute = jax.jit(lambda counts, place: histogram.attribute(histogram.with_margin(counts), place))
     told = [attribute(scan, begun.mean[:, 0]) for scan in jnp.asarray(counts)]
     shots, middle = (np.asarray([each[part] for each in told]) for part in range(2))
     # All shots of the sensor, and a few that miss it.
     assert np.all(shots >= counts.sum(axis=(1, 2)) * (1 - 1e-4))
-    np.testing.assert_allclose(found.presence, 1, atol=1e-3)
+    np.testing.assert_allclose(result.presence, 1, atol=1e-3)
     for axis in range(2):
         smoothed, _, _ = kalman(np.asarray(begun.mean[axis]), middle[:, axis], shots / WIDTH**2)
-        np.testing.assert_allclose(found.path[:, axis], smoothed, atol=1e-3)
+        np.testing.assert_allclose(result.path[:, axis], smoothed, atol=1e-3)
 
 
 def log_density(path: np.ndarray, mean: np.ndarray) -> float:
@@ -179,9 +179,9 @@ def test_no_iteration_lowers_the_likelihood(seed: int) -> None:
     one, start = pmht(1), candidate(mean)
     values = []
     for _ in range(12):
-        found = fitted(one, jnp.asarray(counts), start)
-        values.append(log_density(np.asarray(found.path, float), mean) + float(found.log_likelihood))
-        start = dataclasses.replace(start, path=found.path)
+        result = fitted(one, jnp.asarray(counts), start)
+        values.append(log_density(np.asarray(result.path, float), mean) + float(result.log_likelihood))
+        start = dataclasses.replace(start, path=result.path)
     assert np.all(np.diff(values) >= -1e-3)
     assert values[-1] > values[0]
 
@@ -195,13 +195,15 @@ def last_seen(log_ratio: np.ndarray) -> list[float]:
 
 def test_presence_is_that_of_all_last_scans() -> None:
     counts = draw(np.array([[4.0, 6.0]] * SCANS), 7)
-    found = fitted(pmht(2), jnp.asarray(counts), candidate(np.array([[4.0, 0.0], [6.0, 0.0]]), -6.0))
-    weights = last_seen(found.log_ratio)
+    result = fitted(pmht(2), jnp.asarray(counts), candidate(np.array([[4.0, 0.0], [6.0, 0.0]]), -6.0))
+    weights = last_seen(result.log_ratio)
     expected = [sum(weights[scan:]) / sum(weights) for scan in range(SCANS)]
-    np.testing.assert_allclose(found.presence, expected, rtol=1e-4)
-    assert float(found.log_likelihood) == pytest.approx(math.log(sum(weights)), abs=1e-4)
-    weights = last_seen(found.log_ratio + found.log_width)
-    assert float(found.log_odds) == pytest.approx(math.log(weights[-1] / (math.exp(6.0) + sum(weights[:-1]))), abs=1e-4)
+    np.testing.assert_allclose(result.presence, expected, rtol=1e-4)
+    assert float(result.log_likelihood) == pytest.approx(math.log(sum(weights)), abs=1e-4)
+    weights = last_seen(result.log_ratio + result.log_width)
+    assert float(result.log_odds) == pytest.approx(
+        math.log(weights[-1] / (math.exp(6.0) + sum(weights[:-1]))), abs=1e-4
+    )
 
 
 def test_ratio_of_all_paths_is_that_of_draws() -> None:
@@ -214,7 +216,7 @@ def test_ratio_of_all_paths_is_that_of_draws() -> None:
     shots = np.array([[3.6, 4.3, 4.4, 5.4], [4.0, 4.9, 5.2, 6.4]])
     counts = np.array([np.histogram(each, 50, (-0.1, 9.9))[0] for each in shots], np.float32)
     mean = np.array([[4.0, 0.3]])
-    found = fitted(pmht(30, histogram), jnp.asarray(counts), candidate(mean, scans=2))
+    result = fitted(pmht(30, histogram), jnp.asarray(counts), candidate(mean, scans=2))
     random = np.random.default_rng(9)
     first = mean[0] + random.multivariate_normal([0, 0], START, 20_000)
     second = first @ STEP.T + random.multivariate_normal([0, 0], NOISE, 20_000)
@@ -227,7 +229,7 @@ def test_ratio_of_all_paths_is_that_of_draws() -> None:
     ratios = np.exp(total - top)
     expected, error = math.log(ratios.mean()) + top, ratios.std() / ratios.mean() / math.sqrt(len(ratios))
     assert STANDARD_ERRORS * error < 0.1
-    assert float((found.log_ratio + found.log_width).sum()) == pytest.approx(expected, abs=STANDARD_ERRORS * error)
+    assert float((result.log_ratio + result.log_width).sum()) == pytest.approx(expected, abs=STANDARD_ERRORS * error)
 
 
 def tracks(window: int) -> HistogramTracks:

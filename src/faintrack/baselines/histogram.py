@@ -105,8 +105,8 @@ class Histogram(eqx.Module):
 
         shots = self.level * (1 + total(shares))
         away = [total([*shares[:axis], lean, *shares[axis + 1 :]]) for axis, lean in enumerate(leans)]
-        heard = ~jnp.isnan(near).all()
-        return jnp.where(heard, shots, 0), place + self.level * jnp.stack(away) / shots
+        measured = ~jnp.isnan(near).all()
+        return jnp.where(measured, shots, 0), place + self.level * jnp.stack(away) / shots
 
     def table(self, counts: Float[Array, "*cells"]) -> Float[Array, "*cells"]:
         """Log ratio of a target in the middle of every cell; of counts without a margin."""
@@ -114,10 +114,10 @@ class Histogram(eqx.Module):
         offsets = jnp.arange(-self.reach, self.reach + 2) - 0.5
         along = [self._shares(axis.step * offsets)[0] for _, axis in self.cells.axes]
         expected = self.level * functools.reduce(jnp.multiply.outer, along)
-        what = jnp.stack([jnp.where(seen, counts, 0), seen.astype(counts.dtype)])[None]
+        images = jnp.stack([jnp.where(seen, counts, 0), seen.astype(counts.dtype)])[None]
         kernels = jnp.stack([jnp.log1p(expected / self.background), -expected])[None]
         padding = [(self.reach, self.reach)] * dimensions
-        return jax.lax.conv_general_dilated(what, kernels, (1,) * dimensions, padding, precision="highest")[0, 0]
+        return jax.lax.conv_general_dilated(images, kernels, (1,) * dimensions, padding, precision="highest")[0, 0]
 
     def _around(
         self, counts: Float[Array, "*wider"], place: Float[Array, " axis"]

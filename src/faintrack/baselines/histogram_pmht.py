@@ -124,21 +124,22 @@ class HistogramPmht(eqx.Module):
         counts : shots of every cell, `Histogram.with_margin`.
         candidate : the one that is looked for; its path has as many scans.
         """
-        there = jnp.arange(len(counts)) < candidate.age
+        within = jnp.arange(len(counts)) < candidate.age
 
         def ratios(path: Array) -> Array:
-            return jnp.where(there, jax.vmap(self.histogram.log_ratio)(counts, path[..., 0]), 0)
+            return jnp.where(within, jax.vmap(self.histogram.log_ratio)(counts, path[..., 0]), 0)
 
         def improved(path: Array, _: None) -> tuple[Array, tuple[Array, Array, Array]]:
             until = self._until(candidate.age, ratios(path))
             shots, middle = jax.vmap(self.histogram.attribute)(counts, path[..., 0])
-            precision = jnp.where(there, _presence(until) * shots, 0) / self.histogram.width**2
-            told = smooth(candidate.mean, candidate.covariance, self.transition, self.noise, middle, precision)
-            off = ((told.mean[..., 0] - middle) ** 2).sum(axis=1)
-            return told.mean, (told.filtered, told.covariance, told.log_volume + 0.5 * precision * off)
+            precision = jnp.where(within, _presence(until) * shots, 0) / self.histogram.width**2
+            smoothed = smooth(candidate.mean, candidate.covariance, self.transition, self.noise, middle, precision)
+            off = ((smoothed.mean[..., 0] - middle) ** 2).sum(axis=1)
+            log_width = smoothed.log_volume + 0.5 * precision * off
+            return smoothed.mean, (smoothed.filtered, smoothed.covariance, log_width)
 
-        path, all_told = jax.lax.scan(improved, candidate.path, length=self.iterations)
-        filtered, covariance, log_width = jax.tree.map(lambda each: each[-1], all_told)
+        path, history = jax.lax.scan(improved, candidate.path, length=self.iterations)
+        filtered, covariance, log_width = jax.tree.map(lambda part: part[-1], history)
         log_ratio = ratios(path)
         until = self._until(candidate.age, log_ratio)
         log_odds = self._odds(candidate, self._until(candidate.age, log_ratio + log_width))

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 
 from faintrack.baselines.histogram_pmht import Candidate, Fit, HistogramPmht
 
-Found = tuple[Float[Array, " scan"], Float[Array, "scan axis 2"]]
+Followed = tuple[Float[Array, " scan"], Float[Array, "scan axis 2"]]
 """Log odds of the best candidate of every scan, and its place and rate along every axis of the cells."""
 
 
@@ -37,6 +37,24 @@ class HistogramTracks(eqx.Module):
     capacity : candidates that are kept from scan to scan.
     starts : candidates that may begin in a scan.
     near, alike : distance and difference of rates below which two candidates are one.
+
+    Examples
+    --------
+    A target in a profile of ranges, half a cell further in every scan:
+
+    >>> from faintrack.baselines.histogram import Histogram
+    >>> from faintrack.beliefs.axis import Axis
+    >>> from faintrack.sensors.cells import Cells
+    >>> from faintrack.targets.target import Target
+    >>> histogram = Histogram(Cells((("range", Axis(0.0, 1.0, 20)),)), 4.0, 20.0, 0.8, reach=4)
+    >>> moves, noise = jnp.array([[1.0, 1.0], [0.0, 1.0]]), 1e-3 * jnp.eye(2)
+    >>> pmht = HistogramPmht(histogram, Target(None, None, 0.01, 0.05), moves, noise, interval=1.0, iterations=8)
+    >>> tracks = HistogramTracks(pmht, jnp.eye(2) / 4, window=4, capacity=4, starts=2, near=1.0, alike=0.5)
+    >>> places = 6 + 0.5 * jnp.arange(6.0)[:, None]
+    >>> counts = 4 + 20 * 0.5 * jnp.exp(-0.5 * ((jnp.arange(20.0) - places) / 0.8) ** 2)
+    >>> log_odds, state = tracks.follow(counts)
+    >>> bool(log_odds[-1] > 3), state[-1, 0].round(1).tolist()
+    (True, [8.5, 0.5])
     """
 
     pmht: HistogramPmht
@@ -48,7 +66,7 @@ class HistogramTracks(eqx.Module):
     alike: float
 
     @eqx.filter_jit
-    def follow(self, counts: Float[Array, "scan *cells"]) -> Found:
+    def follow(self, counts: Float[Array, "scan *cells"]) -> Followed:
         """Best candidate of every scan.
 
         Parameters
@@ -62,24 +80,24 @@ class HistogramTracks(eqx.Module):
         ) -> tuple[tuple[Array, Candidate], tuple[Array, Array]]:
             scans, candidates = carried
             scans = jnp.concatenate([scans[1:], histogram.with_margin(scan)[None]])
-            candidates = jax.tree.map(lambda *each: jnp.concatenate(each), candidates, self._started(scan))
+            candidates = jax.tree.map(lambda *parts: jnp.concatenate(parts), candidates, self._started(scan))
             # A candidate's own scans first; what comes after them is not read.
             order = (jnp.arange(window) + window - candidates.age[:, None]) % window
             fits = jax.vmap(lambda candidate, own: self.pmht.fit(scans[own], candidate))(candidates, order)
             now = jnp.take_along_axis(fits.path, (candidates.age - 1)[:, None, None, None], axis=1)[:, 0]
             score = jnp.where(self._twin(now, fits.log_odds), -jnp.inf, fits.log_odds)
             score, kept = jax.lax.top_k(score, self.capacity)
-            candidates, fits = jax.tree.map(lambda each: each[kept], (candidates, fits))
+            candidates, fits = jax.tree.map(lambda part: part[kept], (candidates, fits))
             carried_on = jax.vmap(self._carried)(candidates, fits, score > -jnp.inf)
             return (scans, carried_on), (score[0], now[kept[0]])
 
         wider = histogram.with_margin(counts[0]).shape
-        return jax.lax.scan(advance, (jnp.full((window, *wider), jnp.nan), self._none(counts)), counts)[1]
+        return jax.lax.scan(advance, (jnp.full((window, *wider), jnp.nan, counts.dtype), self._none(counts)), counts)[1]
 
     def _none(self, counts: Float[Array, "scan *cells"]) -> Candidate:
         """Places for candidates, empty."""
-        nowhere = jnp.zeros((self.capacity, counts.ndim - 1, 2))
-        return self._at(nowhere, jnp.full(self.capacity, -jnp.inf))
+        nowhere = jnp.zeros((self.capacity, counts.ndim - 1, 2), counts.dtype)
+        return self._at(nowhere, jnp.full(self.capacity, -jnp.inf, counts.dtype))
 
     def _at(self, mean: Float[Array, "candidate axis 2"], log_odds: Float[Array, " candidate"]) -> Candidate:
         """Candidates that begin."""
@@ -93,10 +111,10 @@ class HistogramTracks(eqx.Module):
         cells = self.pmht.histogram.cells
         table = self.pmht.histogram.table(scan)
         around = jax.lax.reduce_window(table, -jnp.inf, jax.lax.max, (3,) * table.ndim, (1,) * table.ndim, "SAME")
-        height, index = jax.lax.top_k(jnp.where(table >= around, table, -jnp.inf).ravel(), self.starts)
-        number = jnp.unravel_index(index, table.shape)
+        height, flat = jax.lax.top_k(jnp.where(table >= around, table, -jnp.inf).ravel(), self.starts)
+        number = jnp.unravel_index(flat, table.shape)
         place = jnp.stack(
-            [axis.first + axis.step * each for each, (_, axis) in zip(number, cells.axes, strict=True)], -1
+            [axis.first + axis.step * index for index, (_, axis) in zip(number, cells.axes, strict=True)], -1
         )
         born, _ = self.pmht.target.transition(self.pmht.interval)
         log_odds = jnp.where(height > -jnp.inf, jnp.log(born) - math.log(cells.size), -jnp.inf)
