@@ -115,7 +115,7 @@ class Histogram(eqx.Module):
         along = [self._shares(axis.step * offsets)[0] for _, axis in self.cells.axes]
         expected = self.level * functools.reduce(jnp.multiply.outer, along)
         images = jnp.stack([jnp.where(seen, counts, 0), seen.astype(counts.dtype)])[None]
-        kernels = jnp.stack([jnp.log1p(expected / self.background), -expected])[None]
+        kernels = jnp.stack([jnp.log1p(expected / self.background), -expected])[None].astype(counts.dtype)
         padding = [(self.reach, self.reach)] * dimensions
         return jax.lax.conv_general_dilated(images, kernels, (1,) * dimensions, padding, precision="highest")[0, 0]
 
