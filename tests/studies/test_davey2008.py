@@ -5,13 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from scipy import stats
 
 from faintrack.errors import InputError
 from faintrack.sensors.cells import CellScan
 from faintrack.studies.davey2008 import rows as study_rows
 from faintrack.studies.davey2008 import runs, scene, study
 from faintrack.targets.states import PlanarState
-from tests.tolerances import rounding
+from tests.tolerances import assert_mean, rounding
 
 
 def test_a_pixel_has_the_mean_ratio_of_its_places() -> None:
@@ -34,9 +35,11 @@ def test_the_target_stays_in_the_image() -> None:
 
 def made_up(statistic: np.ndarray, error: np.ndarray) -> xr.Dataset:
     both = {"statistic": statistic, "error": error}
-    return xr.Dataset(
-        {f"{method}_{what}": (("run", "scan"), values) for method in runs.METHODS for what, values in both.items()}
-    )
+    speed = {"speed": ("run", np.linspace(0.2, 0.9, len(statistic)))}
+    followed = {
+        f"{method}_{what}": (("run", "scan"), values) for method in runs.METHODS for what, values in both.items()
+    }
+    return xr.Dataset(speed | followed)
 
 
 def test_rows_count_what_they_say() -> None:
@@ -68,6 +71,24 @@ def test_rows_count_what_they_say() -> None:
     assert rows["k_lingers"] == 3
     assert rows["k_false_tracks"] == pytest.approx(1 / 20)
     assert rows["k_false_length"] == 2
+    # Speeds 0.2, 0.43, 0.67 and 0.9 of the fastest: the one that is found is the slow one.
+    assert [rows[f"k_{speed}_detected"] for speed in study_rows.SPEEDS] == [1, 0, 0]
+    assert rows["k_slow_instantaneous"] == pytest.approx(18 / 20)
+
+
+def test_amplitudes_are_those_of_rice() -> None:
+    snr = np.array([0.0, 0.3, 4.0, 30.0])
+    expected = stats.rice.mean(np.sqrt(2 * snr), scale=0.5**0.5)
+    np.testing.assert_allclose(scene.amplitude(jnp.asarray(snr, jnp.float32)), expected, rtol=10 * rounding(np.float32))
+
+
+def test_noise_has_shots_of_poisson() -> None:
+    """Mean and variance of shots are one number, and that of the histogram."""
+    power = np.random.default_rng(1).exponential(size=(20, scene.PIXELS, scene.PIXELS)).astype(np.float32)
+    shots = np.asarray(scene.shots(CellScan(jnp.zeros(20), jnp.asarray(power)))).reshape(-1)
+    background = float(scene.histogram(4.0).background)
+    assert_mean(shots, background)
+    assert_mean((shots - background) ** 2, background)
 
 
 def test_every_setting_has_a_name_of_its_own() -> None:

@@ -145,6 +145,20 @@ class Association(eqx.Module):
         means = jnp.concatenate([state.mean[None], state.mean + off @ told.gain.T])
         return merged(weights, Gaussian(means, covariances)), log_evidence
 
+    def known(
+        self, state: Float[Array, " component"], scan: Any
+    ) -> tuple[Float[Array, " hypothesis"], Float[Array, "entry measured"]]:
+        """Of a target whose state is known: logs of the numerators, S the error itself; detections less the expected.
+
+        The first hypothesis is that no detection is the target's.
+        """
+        expected = self.measure(state, scan)
+        values, there = self.values(scan)
+        off = self.differ(values, expected)
+        density = self.false_density(scan) if callable(self.false_density) else self.false_density
+        nothing = jnp.zeros((len(state), len(expected)), off.dtype)
+        return self._log_weights(off, there, Innovation(expected, self.error, nothing), density), off
+
     def _log_weights(
         self,
         off: Float[Array, "entry measured"],

@@ -1,4 +1,4 @@
-"""After davey2008: grid, dynamic programming and particles for one target in an image, at 12, 6 and 3 dB."""
+"""After davey2008: grid, dynamic programming, particles and histogram PMHT for one target, at 12, 6 and 3 dB."""
 
 from faintrack.studies.davey2008 import panels, rows
 from faintrack.studies.davey2008.settings import SETTINGS
@@ -6,7 +6,7 @@ from faintrack.studies.study import Study
 
 study = Study(
     "davey2008",
-    "Grid, dynamic programming and particles for one target in an image",
+    "Grid, dynamic programming, particles and histogram PMHT for one target in an image",
     SETTINGS,
     rows.rows,
     panels.figures,

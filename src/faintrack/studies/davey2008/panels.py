@@ -9,10 +9,10 @@ from faintrack.metrics.accuracy import rmse
 from faintrack.studies.davey2008 import runs, scene
 from faintrack.studies.davey2008.rows import LABELS, Declared, declared
 from faintrack.studies.davey2008.settings import SNR_DB
-from faintrack.studies.panels import BLACK, BLUE, ORANGE, VERMILION, draw_share, finish, legend_below, picture
+from faintrack.studies.panels import BLACK, BLUE, GREEN, ORANGE, VERMILION, draw_share, finish, legend_below, picture
 from faintrack.studies.study import Results
 
-COLOURS = {"grid": BLUE, "viterbi": ORANGE, "particle": VERMILION}
+COLOURS = {"grid": BLUE, "viterbi": ORANGE, "particle": VERMILION, "pmht": GREEN}
 
 FEW, WORST = 10, 1.5
 """Runs in which a target has to be found for an error to be drawn; largest error shown, pixels."""

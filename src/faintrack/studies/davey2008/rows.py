@@ -8,6 +8,7 @@ pixels of the truth. Then
 - instantaneous detection: share of the frames with a target in which it is;
 - delay: frames from its appearance until then, the runs that never find it as infinite;
 - error: root mean square of the position over the frames in which it is found;
+- detection by speed: both again, for targets in each third of the speeds;
 - another place: share of the frames with a target in which a track is declared elsewhere;
 - lingers: frames that a track goes on after the target has left, in runs in which it is declared in the last frame with
   it, mean;
@@ -21,7 +22,7 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from faintrack.metrics.accuracy import rmse
 from faintrack.metrics.detection import time_to_detection
@@ -35,8 +36,11 @@ from faintrack.studies.study import Results, Row, finished
 FALSE_SHARE, NEAR = 0.05, 3.0
 """Of the runs without a target that have a track; pixels."""
 
-LABELS = {"grid": "grid", "viterbi": "dynamic programming", "particle": "particles"}
+LABELS = {"grid": "grid", "viterbi": "dynamic programming", "particle": "particles", "pmht": "histogram PMHT"}
 """What a method is, for people."""
+
+SPEEDS = ("slow", "middle", "fast")
+"""Thirds of the speeds, up to the fastest."""
 
 REPEATS = 3
 """Runs of which the fastest is timed."""
@@ -55,6 +59,7 @@ class Declared:
     false : declared in runs without a target.
     declared, right : declared in runs with a target; and that within reach of it, or of its path when it is not there.
     error : distance from the path; pixels.
+    third : of the speeds, that of the target; index into `SPEEDS`.
     """
 
     threshold: float
@@ -63,6 +68,7 @@ class Declared:
     declared: Bool[np.ndarray, "run scan"]
     right: Bool[np.ndarray, "run scan"]
     error: Float[np.ndarray, "run scan"]
+    third: Int[np.ndarray, " run"]
 
 
 def declared(results: Results, method: str, snr_db: int) -> Declared | None:
@@ -81,6 +87,7 @@ def declared(results: Results, method: str, snr_db: int) -> Declared | None:
         above,
         above & (error <= NEAR),
         error,
+        np.minimum(with_target["speed"].values / scene.FASTEST * len(SPEEDS), len(SPEEDS) - 1).astype(int),
     )
 
 
@@ -127,6 +134,16 @@ def of_method(key: str, label: str, track: Declared) -> list[Row]:
             lambda frames, tracks: frames.sum() / tracks.sum(),
             (track.false.sum(axis=1)[false], tracks[false]),
         ),
+        *(of_speed for third in range(len(SPEEDS)) for of_speed in _by_speed(key, label, track, third)),
+    ]
+
+
+def _by_speed(key: str, label: str, track: Declared, third: int) -> list[Row]:
+    right, speed = track.right[track.third == third][:, SEEN], SPEEDS[third]
+    hits = int(right.any(axis=1).sum())
+    return [
+        share(f"{key}_{speed}_detected", f"{label}, {speed}: overall detection", hits, len(right)),
+        mean(f"{key}_{speed}_instantaneous", f"{label}, {speed}: instantaneous detection", "1", right.mean(axis=1)),
     ]
 
 

@@ -1,4 +1,4 @@
-"""Runs of the study: the same frames through each of the three trackers."""
+"""Runs of the study: the same frames through each of the four trackers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -35,20 +35,30 @@ def by_particles(model: CellLikelihood, scans: CellScan, key: PRNGKeyArray) -> F
     return run(scene.scene().particles, Within(model, model.cells), scans, key, _known)[1]
 
 
+def by_pmht(model: CellLikelihood, scans: CellScan, key: PRNGKeyArray) -> Followed:
+    """Histogram PMHT on the amplitudes."""
+    score, state = scene.tracks(model.level).follow(scene.shots(scans))
+    return score, state[..., 0]
+
+
 METHODS: dict[str, Callable[[CellLikelihood, CellScan, PRNGKeyArray], Followed]] = {
     "grid": by_grid,
     "viterbi": by_viterbi,
     "particle": by_particles,
+    "pmht": by_pmht,
 }
 """What is compared, by key."""
 
 
 def compare(key: PRNGKeyArray, snr_db: Array, present: Array) -> dict[str, Array]:
-    """One run: what is thresholded, and the distance of the place from the path, by each method; pixels."""
+    """One run: the target's speed; what is thresholded, and the distance of the place from the path, by each method.
+
+    Pixels, and pixels a frame.
+    """
     model = scene.likelihood(snr_db)
     for_scans, for_filter = jax.random.split(key)
     scans, path = scene.look(for_scans, model, present)
-    kept: dict[str, Array] = {}
+    kept: dict[str, Array] = {"speed": jnp.hypot(*(path[1] - path[0]))}
     for name, method in METHODS.items():
         kept[f"{name}_statistic"], place = method(model, scans, for_filter)
         kept[f"{name}_error"] = jnp.hypot(*(place - path).T)

@@ -6,7 +6,9 @@ from faintrack.studies.study import Setting
 SNR_DB = (12, 6, 3)
 """Of davey2008; at the target's peak."""
 
-AXES = {f"{method}_{what}": ("scan",) for method in runs.METHODS for what in ("statistic", "error")}
+AXES: dict[str, tuple[str, ...]] = {"speed": ()} | {
+    f"{method}_{what}": ("scan",) for method in runs.METHODS for what in ("statistic", "error")
+}
 
 
 def noise(snr_db: int) -> str:
