@@ -24,9 +24,9 @@ moments are those of Gaussian beliefs, here those of the points of a belief.
 
 :math:`C_j` is kept as a few columns: what a linear and quadratic function of the place explains of h within the belief,
 which is all of it as the belief gets narrow, and never more than :math:`C_j`. With all columns side by side in B,
-:math:`\Sigma = I + B B^T` and, L being the Cholesky factor of :math:`I + B^T B`,
+:math:`\Sigma = I + B B^T`, whose inverse is :math:`I - W W^T`, one column after the other (Sherman and Morrison):
 
-.. math:: \Sigma^{-1} = I - W W^T, \qquad W = B L^{-T} .
+.. math:: u_i = (I - W_{<i} W_{<i}^T) b_i, \qquad w_i = u_i / \sqrt{1 + b_i^T u_i} .
 
 **Newborn targets** are drawn where the readings point: a cell of a grid of places with a probability like the root of
 the ratio in its middle times the birth density, a place within it evenly, and the rest of the state as births have it
@@ -55,8 +55,8 @@ ROOT = 0.5
 ANYWHERE = 0.05
 """Share of newborn targets that are drawn from the birth density, so that no weight is large."""
 
-RIDGE = 1e-4
-"""Added to the correlation of functions of the place, so that rounding leaves it a root."""
+NOTHING = 1e-6
+"""Share of a function's mean square that is taken for a rounding error."""
 
 
 class SuperposedLikelihood(eqx.Module):
@@ -106,9 +106,7 @@ class SuperposedLikelihood(eqx.Module):
         """
         usable = (~jnp.isnan(scan.values)).astype(scan.values.dtype)
         off, columns = jnp.nan_to_num(scan.values), usable[:, None] * scan.columns
-        root = jnp.linalg.cholesky(jnp.eye(columns.shape[1], dtype=columns.dtype) + columns.T @ columns)
-        inverse = jax.scipy.linalg.solve_triangular(root, jnp.eye(len(root), dtype=root.dtype), lower=True)
-        whitening = columns @ inverse.T
+        whitening = _whitening(columns)
         levels = self.network.levels(states)
         spoilt = jnp.sum((levels @ whitening) ** 2, axis=-1)
         return levels @ (off - whitening @ (whitening.T @ off)) - (levels * levels @ usable - spoilt) / 2
@@ -200,17 +198,36 @@ class SuperposedLikelihood(eqx.Module):
         """Mean of what a target adds if it exists, and columns of the covariance, as rows."""
         levels = self.network.levels(states)
         middle = weights @ levels
-        x, y = _standard(jnp.stack([states.x, states.y]), weights)
-        functions = _standard(jnp.stack([x, y, x * x, x * y, y * y]), weights)
-        weighted = functions * weights
-        root = jnp.linalg.cholesky(weighted @ functions.T + RIDGE * jnp.eye(5, dtype=weights.dtype))
-        return middle, jax.scipy.linalg.solve_triangular(root, weighted @ (levels - middle), lower=True)
+        constant = jnp.ones_like(weights)
+        # Less their means first, which may be far from 0.
+        off = (place - weights @ place for place in (states.x, states.y))
+        _, x, y = _orthonormal([constant, *off], weights)
+        _, *functions = _orthonormal([constant, x, y, x * x, x * y, y * y], weights)
+        return middle, (jnp.stack(functions) * weights) @ (levels - middle)
 
 
-def _standard(
-    values: Float[Array, "function particle"], weights: Float[Array, " particle"]
-) -> Float[Array, "function particle"]:
-    """Values less their mean, over their standard deviation; 0 where they are all the same."""
-    values = values - (values @ weights)[:, None]
-    variance = values**2 @ weights
-    return values / jnp.sqrt(jnp.maximum(variance, jnp.finfo(values.dtype).tiny))[:, None]
+@full_precision
+def _whitening(columns: Float[Array, "sensor column"]) -> Float[Array, "sensor column"]:
+    """W of the module's equation. A loop of products: LAPACK's solution of so small a system waits for its threads."""
+
+    def add(number: Array, whitening: Array) -> Array:
+        column = columns[:, number]
+        left = column - whitening @ (whitening.T @ column)
+        return whitening.at[:, number].set(left / jnp.sqrt(1 + column @ left))
+
+    return jax.lax.fori_loop(0, columns.shape[1], add, jnp.zeros_like(columns)) if columns.shape[1] else columns
+
+
+def _orthonormal(
+    functions: list[Float[Array, " particle"]], weights: Float[Array, " particle"]
+) -> list[Float[Array, " particle"]]:
+    """Functions less what those before them explain (Gram and Schmidt), of mean square 1; 0 where nothing is left."""
+    basis: list[Array] = []
+    for function in functions:
+        left = function
+        for before in basis:
+            left = left - (weights @ (left * before)) * before
+        square = weights @ left**2
+        some = square > NOTHING * (weights @ function**2)
+        basis.append(jnp.where(some, left / jnp.sqrt(jnp.where(some, square, 1)), 0))
+    return basis

@@ -79,7 +79,7 @@ class MultiBernoulliTracker(eqx.Module):
     slots: int = eqx.field(static=True, default=8)
     particles: int = eqx.field(static=True, default=500)
     sweeps: int = eqx.field(static=True, default=2)
-    kernel: float = 0.1
+    kernel: float = 0.2
 
     def init(self, key: PRNGKeyArray, time: float = 0.0) -> Beliefs:
         """No targets."""
@@ -143,15 +143,17 @@ class MultiBernoulliTracker(eqx.Module):
         self, predicted: Beliefs, newborn: Belief, existence: Float[Array, " slot"], scan: Any
     ) -> tuple[Beliefs, Belief, Float[Array, " slot"]]:
         """The newborn after the scan, beside those in hand, and every target in hand, beside the others and it."""
-        beside = self.likelihood.beside(scan, predicted.states, predicted.log_weights, existence)
-        appeared = update(newborn, self.likelihood.log_ratio(beside, newborn.states))[0]
-        everyone = _with(predicted, appeared)
-        there = jnp.append(existence, appeared.existence)
-        others = jnp.where(jnp.eye(self.slots, self.slots + 1, dtype=bool), 0, there)
 
-        def of_one(belief: Belief, others: Float[Array, " target"]) -> Belief:
-            beside = self.likelihood.beside(scan, everyone.states, everyone.log_weights, others)
-            return update(belief, self.likelihood.log_ratio(beside, belief.states))[0]
+        def beside(scan: Any, existence: Float[Array, " slot"]) -> Any:
+            return self.likelihood.beside(scan, predicted.states, predicted.log_weights, existence)
+
+        appeared = update(newborn, self.likelihood.log_ratio(beside(scan, existence), newborn.states))[0]
+        alone = jax.tree.map(lambda component: component[None], appeared)
+        scan = self.likelihood.beside(scan, alone.states, alone.log_weights, alone.existence)
+        others = jnp.where(jnp.eye(self.slots, dtype=bool), 0, existence)
+
+        def of_one(belief: Belief, others: Float[Array, " slot"]) -> Belief:
+            return update(belief, self.likelihood.log_ratio(beside(scan, others), belief.states))[0]
 
         updated = predicted.changed(of_one, others)
         return updated, appeared, updated.existence
