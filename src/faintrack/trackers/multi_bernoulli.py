@@ -148,8 +148,8 @@ class MultiBernoulliTracker(eqx.Module):
             return self.likelihood.beside(scan, predicted.states, predicted.log_weights, existence)
 
         appeared = update(newborn, self.likelihood.log_ratio(beside(scan, existence), newborn.states))[0]
-        alone = jax.tree.map(lambda component: component[None], appeared)
-        scan = self.likelihood.beside(scan, alone.states, alone.log_weights, alone.existence)
+        states = jax.tree.map(lambda component: component[None], appeared.states)
+        scan = self.likelihood.beside(scan, states, appeared.log_weights[None], appeared.existence[None])
         others = jnp.where(jnp.eye(self.slots, dtype=bool), 0, existence)
 
         def of_one(belief: Belief, others: Float[Array, " slot"]) -> Belief:
