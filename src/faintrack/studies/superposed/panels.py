@@ -38,7 +38,7 @@ def figures(results: Results, folder: Path) -> list[Path]:
 
     return [
         picture(folder / "gospa.png", draw_distance, (6.5, 3.6)),
-        picture(folder / "run.png", draw_runs, (4.2 * len(finished), 4.6), 1, len(finished), sharey=True),
+        picture(folder / "run.png", draw_runs, (4.4 * len(finished), 5.3), 1, len(finished), sharey=True),
     ]
 
 

@@ -50,7 +50,7 @@ CELL = 2.5
 """Of the grid on which newborn targets are proposed; metres."""
 
 SLOTS, PARTICLES, SWEEPS, KERNEL = 7, 500, 2, 0.2
-"""Of the tracker; chosen on six other truths of the same model, not on this one."""
+"""Of the tracker; sweeps and kernel were chosen on other truths of the same model, the others by their time."""
 
 
 @dataclass(frozen=True, eq=False)
