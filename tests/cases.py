@@ -42,6 +42,7 @@ from faintrack.likelihoods.guided import Guided
 from faintrack.likelihoods.heavy_tails import student
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.random_points import RandomPoints
+from faintrack.likelihoods.superposed import SuperposedLikelihood
 from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.likelihoods.unknown_snr import GuidedSnr
@@ -53,6 +54,7 @@ from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSe
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.sensors.cells import Cells, CellScan
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
+from faintrack.sensors.superposed import SensorNetwork, inverse_square, picture
 from faintrack.signal.clutter import ClutterScan, Level
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import BearingState, PlanarSnrState, PlanarState, RangeState
@@ -142,8 +144,8 @@ def cell_case(build: Callable[[], Any], dtype: type) -> Case:
     return Case(build(), scan, row(PlanarState, dtype, *PIXELS))
 
 
-def unseen(scan: CellScan) -> CellScan:
-    """No cell has a value."""
+def unseen(scan: Any) -> Any:
+    """No cell, or sensor, has a value."""
     return dataclasses.replace(scan, values=jnp.full_like(scan.values, jnp.nan))
 
 
@@ -153,6 +155,33 @@ def clutter_case(dtype: type) -> Case:
     scan = ClutterScan(jnp.zeros((), dtype), jnp.zeros(6, dtype), level)
     states = row(RangeState, dtype, (1.2, 0.0), (5.0, 0.0), (9.0, 0.0))
     return Case(ClutterLikelihood(profile, 0.3), scan, states)
+
+
+# Targets in superposition
+
+
+@functools.cache
+def network(dtype: type = np.float32) -> SensorNetwork:
+    """Nine sensors that hear little, so that ratios have a low variance."""
+    x, y = (jnp.asarray(each.ravel(), dtype) for each in np.meshgrid(*[np.array([0.0, 10.0, 20.0])] * 2))
+    return SensorNetwork(x, y, inverse_square(20.0, 5.0))
+
+
+def superposed(dtype: type = np.float32) -> SuperposedLikelihood:
+    place = between(0.0, 20.0, 8)
+    return SuperposedLikelihood(network(dtype), Grid(PlanarState, (("x", place), ("y", place))))
+
+
+def superposed_case(dtype: type, beside: bool = False) -> Case:
+    likelihood, scan = superposed(dtype), picture(0.0, jnp.zeros(9, dtype))
+    if beside:
+        others = PlanarState(
+            *(jnp.asarray(each, dtype) for each in ([[4.0, 8.0, 5.0]], [[12.0] * 3], *[[[0.0] * 3]] * 2))
+        )
+        equal = jnp.full((1, 3), -math.log(3), dtype)
+        scan = likelihood.beside(scan, others, equal, jnp.array([0.6], dtype))
+    points = (3.0, 4.0, 0.0, 0.0), (12.0, 14.0, 0.0, 0.0), (40.0, 0.0, 0.0, 0.0)
+    return Case(likelihood, scan, row(PlanarState, dtype, *points))
 
 
 # Beams of several arrays
@@ -298,6 +327,8 @@ LIKELIHOODS: dict[str, Callable[[type], Case]] = {
     "cells, student": lambda dtype: dataclasses.replace(cell_case(lambda: image(student(5.0)), dtype), draws=2_000),
     "unknown level": functools.partial(cell_case, lambda: UnknownLevel((image(gaussian, 0.5), image(gaussian, 1.0)))),
     "clutter": clutter_case,
+    "superposed": superposed_case,
+    "superposed, beside": functools.partial(superposed_case, beside=True),
     "beam energies": energies_case,
     "exceedances": lambda dtype: returns_case(exceedances(), dtype, *PLACES),
     "bearing sets": bearings_case,
@@ -331,6 +362,8 @@ QUIET: dict[str, Callable[[Any], Any]] = {
     "cells, student": unseen,
     "unknown level": unseen,
     "of possible": unseen,
+    "superposed": unseen,
+    "superposed, beside": unseen,
     "beam energies": silent,
     "observers": nobody,
 }

@@ -32,6 +32,7 @@ STUDIES = {
     "kreucher2011": "faintrack.studies.kreucher2011:study",
     "liu2013": "faintrack.studies.liu2013:study",
     "stone2002": "faintrack.studies.stone2002:study",
+    "superposed": "faintrack.studies.superposed:study",
 }
 """Studies that come with the package: name, and where it is."""
 
