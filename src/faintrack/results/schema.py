@@ -9,6 +9,8 @@ one label, in whatever slot they stand.
 `track_existence`    time, slot                   probability that the track's own target exists
 `x`, `bearing`, ...  time, slot                   mean of each component of the state; not a number in a free slot
 `covariance`         time, slot, component x 2    of the components, in the order of `component`, in their units
+`heard`              time, slot                   probability that the target is heard, where it may fall silent
+`full`               time                         whether a target was found and no slot was free, where there are several
 `log_evidence`       time                         log of the mean likelihood ratio of the scan, where it is known
 ===================  ===========================  =========================================================
 
@@ -140,6 +142,12 @@ def estimated(times: np.ndarray, estimates: Any, components: tuple[Component, ..
         np.where(held[..., None, None], covariance, np.nan).astype(np.float32),
         {"units": "products of the components' units", "long_name": "covariance of the components"},
     )
+    if hasattr(estimates, "heard"):
+        heard = np.where(held, slots(estimates.heard), np.nan).astype(np.float32)
+        variables["heard"] = _of_slots(heard, "1", "probability that the target is heard, if it exists")
+    if hasattr(estimates, "full"):
+        full = "whether a target was found and no slot was free"
+        variables["full"] = of_scans(estimates.full, "1", full, counted="full_scans")
     if hasattr(estimates, "log_evidence"):
         variables["log_evidence"] = of_scans(estimates.log_evidence, "1", "log of the mean likelihood ratio")
     names = [component.name for component in components]

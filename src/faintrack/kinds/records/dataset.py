@@ -54,7 +54,6 @@ def scans_dataset(
     data = data.assign(
         detection=_of("detector", estimates.detection, "1", "probability of a target in the detector"),
         joint=_of("slot", estimates.joint, "1", "whether the target was updated together with another"),
-        full=of_scans(estimates.full, "1", "whether a target was found and no slot was free", counted="full_scans"),
         record=(
             ("time", "array", "beam"),
             np.clip(energy, -HALF, HALF).astype(np.float16),

@@ -94,7 +94,6 @@ def plan(sweeps: Sweeps, scenario: SweepsScenario) -> Plan:
         data["unwatched"] = of_scans(
             outputs.unwatched, "1", "an echo lay in no window, and none was free", counted="unwatched_scans"
         )
-        data["full"] = of_scans(outputs.full, "1", "a target was found, and no slot was free", counted="full_scans")
         return data.assign_attrs(_attributes(sweeps))
 
     def close(state: State) -> xr.Dataset:
