@@ -24,10 +24,10 @@ believed of whole sets e of tentative targets (`faintrack.trackers.hypotheses`),
 
 .. math:: \frac{p(z|e)}{p(z|\emptyset)} = \frac{1}{P} \sum_p \ell_R(z|X_p, e)
 
-where each target's places are drawn from its particles, and :math:`\ell_R` compares with the best explanation without
-the set, energy from outside the region that one array hears (`faintrack.likelihoods.beam_energies.set_log_ratio`):
-where the beam of a target in hand crosses one of nobody's, one array speaks for a ghost and the other against it, and
-the other counts.
+where each target's places are drawn from its particles, and :math:`\ell_R` is the ratio of a region
+(`faintrack.likelihoods.beam_energies.set_log_ratio`): what a beam says for a target is bounded, since a source from
+elsewhere would say it too, and what it says against one is not. So where the beam of a target in hand crosses one of
+nobody's, the array that speaks against the ghost outweighs the one that speaks for it.
 
 **Coupled partitions** propose the particles (Kreucher, Kastella and Hero 2005): one member after the other, each joint
 state draws several places to move to, and takes one with the probability that the scan gives it beside the other
@@ -149,22 +149,30 @@ class JointTrackers(eqx.Module):
         log_weights = jax.nn.log_softmax(beliefs.log_weights + correction, axis=1)
         predicted = dataclasses.replace(beliefs, states=states, log_weights=log_weights)
 
+        beyond = self._beyond(states)
+        exists, explains = exists & (beyond == 0), explains & (beyond == 0)
+
         def updated(there: Array) -> Beliefs:
             without, own = occupied_log_ratios(table, beams, there, joint)
             log_ratio = without + jnp.sum(own, axis=0)
             log_ratio = log_ratio - jax.nn.logsumexp(log_weights + without, axis=1, keepdims=True)
-            log_ratio = log_ratio + self._beyond(states)
+            log_ratio = log_ratio + beyond
             return predicted.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
 
         whether, where = updated(exists), updated(explains)
         few = self._paired(log_weights, joint & declared & declared[:, None], for_there)
         at = jnp.take_along_axis(beams, few[None], axis=2)
-        certain, beyond = (jnp.take_along_axis(each, few, axis=1) for each in (explains, self._beyond(states)))
+        certain, past = (jnp.take_along_axis(each, few, axis=1) for each in (explains, beyond))
+        alone = self._alone(table, beams, explains, joint) + beyond
+        single = jax.nn.logsumexp(log_weights + alone, axis=1)
+        few_alone = jnp.take_along_axis(alone, few, axis=1)
 
         def evidence(members: Array) -> Array:
             ratio = set_log_ratio(table, at, certain, members, joint)
-            ratio = ratio + jnp.sum(jnp.where(members[:, None], beyond, 0), axis=0)
-            return jax.nn.logsumexp(ratio) - jnp.log(ratio.size)
+            ratio = ratio + jnp.sum(jnp.where(members[:, None], past, 0), axis=0)
+            apart = jnp.sum(jnp.where(members[:, None], few_alone, 0), axis=0)
+            shared = jax.nn.logsumexp(ratio) - jax.nn.logsumexp(apart)
+            return jnp.sum(jnp.where(members, single, 0)) + shared
 
         hypotheses = hypotheses.updated(evidence)
         log_odds = jnp.where(tentative, hypotheses.log_odds, whether.log_odds)
@@ -202,6 +210,18 @@ class JointTrackers(eqx.Module):
     def middles(self, followed: Followed) -> Any:
         """Mean state of every slot."""
         return followed.beliefs.each(mean)
+
+    def _alone(
+        self,
+        table: Float[Array, "array beam number"],
+        beams: Int[Array, "array slot particle"],
+        explains: Bool[Array, "slot particle"],
+        joint: Bool[Array, "slot slot"],
+    ) -> Float[Array, "slot particle"]:
+        """Log ratio of the particles of each target, were it the only one that is not declared."""
+        return jax.vmap(lambda mine: set_log_ratio(table, beams, explains & ~mine[:, None], mine, joint))(
+            jnp.eye(self.slots, dtype=bool)
+        )
 
     def _beyond(self, states: Any) -> Float[Array, "..."]:
         """Log ratio of states to be there at all: 0, or `REFUTED` beyond the limits."""

@@ -56,6 +56,7 @@ class Watching(eqx.Module):
     label : of each slot; 0 where it is not declared, `OUTSIDE` where it is and has not been in the region since.
     labels : given so far.
     scans : taken in so far.
+    full : whether a target was found in the last one, and there was no free slot.
     """
 
     beliefs: tuple[Beliefs, ...]
@@ -64,6 +65,7 @@ class Watching(eqx.Module):
     label: Int[Array, " slot"]
     labels: Int[Array, ""]
     scans: Int[Array, ""]
+    full: Bool[Array, ""]
 
 
 class SeveralEstimate(eqx.Module):
@@ -127,7 +129,7 @@ class SeveralTargetsTracker(eqx.Module):
         none = jnp.zeros(slots, jnp.int32)
         beliefs = tuple(watch.init(key) for watch in self.watches)
         followed = self.trackers.init(self.detectors.filter.grid.states(beliefs[0].log_weights.dtype))
-        return Watching(beliefs, followed, none, none, jnp.array(0), jnp.array(0))
+        return Watching(beliefs, followed, none, none, jnp.array(0), jnp.array(0), jnp.array(False))
 
     def step(self, watching: Watching, scan: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
         """Take in one scan. `key` is that of the whole record; each scan makes its own from it."""
@@ -135,8 +137,12 @@ class SeveralTargetsTracker(eqx.Module):
         declared = watching.label != 0
         followed = self.trackers.step(watching.followed, scan, declared, for_trackers)
         held = followed.active
-        lowest = jnp.where(declared | jnp.all(held), self.drop, self.doubt)
-        kept = held & (followed.beliefs.existence >= lowest)
+        existence = followed.beliefs.existence
+        kept = held & (existence >= jnp.where(declared, self.drop, self.doubt))
+        # A full tracker that was to take a target in gives up its least likely one, if that is likely not to exist.
+        tentative = jnp.where(kept & ~declared, existence, jnp.inf)
+        least = (jnp.arange(held.size) == jnp.argmin(tentative)) & (tentative < self.drop)
+        kept = kept & ~(least & watching.full & jnp.all(kept))
         followed = dataclasses.replace(followed, active=kept)
         age = jnp.where(kept, watching.age + 1, 0)
         old = kept & declared
@@ -175,7 +181,7 @@ class SeveralTargetsTracker(eqx.Module):
         wanted = found & ~jnp.all(kept)
         beliefs, followed = jax.lax.cond(wanted, taken, lambda *same: same, beliefs, followed)
         labels = watching.labels + new.sum()
-        return Watching(beliefs, followed, age, label, labels, watching.scans + 1), estimate
+        return Watching(beliefs, followed, age, label, labels, watching.scans + 1, estimate.full), estimate
 
     @eqx.filter_jit
     def steps(self, watching: Watching, scans: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:

@@ -25,6 +25,7 @@ from faintrack.kinds.records.build import (
     build_plane,
     build_region,
     build_several,
+    elsewhere,
     particles_of,
     velocity_noise,
 )
@@ -149,7 +150,7 @@ def _chosen(scenario: RecordsScenario, data: Records, arrays: Mapping[str, Senso
         table.model_copy(update={"array": describe(arrays[table.name])}) if isinstance(record, Recording) else table
         for table, record in zip(scenario.stations, data.records, strict=True)
     )
-    energies = scenario.energies.model_copy(update={"present": scenario.energies.levels[1]})
+    energies = scenario.energies.model_copy(update={"present": scenario.energies.levels[1], "elsewhere": elsewhere(scenario)})
     several = scenario.several.model_copy(update={"particles": particles_of(scenario.several)})
     target = scenario.target
     if scenario.region is not None:

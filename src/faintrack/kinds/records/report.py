@@ -30,6 +30,7 @@ def about(result: Result) -> dict[str, str]:
             *levels[0], *levels[1]
         )
         + (", in standard deviations above each scan's median" if result.scenario.energies.absent is None else ""),
+        "elsewhere": f"a beam holds a source that is no target with probability {result.scenario.energies.elsewhere:g}",
         "detectors": f"{data.sizes['detector']} of {cells} cells{wide}, up to {fastest}",
         "slots": f"{data.sizes['slot']}",
         "declared": f"at existence {several.declare:g}, {several.hold} scans in hand",
