@@ -16,6 +16,7 @@ from faintrack.likelihoods.beam_energies import (
     MOST_ELSEWHERE,
     SOURCES,
     BeamEnergies,
+    beside,
     occupied_log_ratios,
     region_log_ratio,
     set_log_ratio,
@@ -281,3 +282,17 @@ def test_groups_of_a_set_are_weighed_apart(float64: type) -> None:
     groups = ((0, 2), (1, 3), (4,))
     apart = ratio_of((0,)) + ratio_of((1,)) + ratio_of((4,))
     assert ratio_of((0, 1, 4), groups=groups) == pytest.approx(apart, abs=1e-12)
+
+
+def test_one_target_more_beside_others_is_the_sum_over_who_is_in_its_beam(float64: type) -> None:
+    """Eight sets of three targets, which are in each beam with probabilities of their own."""
+    table = np.asarray(dataclasses.replace(MODEL, elsewhere=0.05).table(scan(np.random.default_rng(9)), 4))
+    shares = np.random.default_rng(10).random((3, *table.shape[:2]))
+    with_it, without = np.zeros(table.shape[:2]), np.zeros(table.shape[:2])
+    for members in itertools.product([False, True], repeat=3):
+        weight = np.prod([share if member else 1 - share for share, member in zip(shares, members, strict=True)], axis=0)
+        with_it += weight * np.exp(table[:, :, sum(members) + 1])
+        without += weight * np.exp(table[:, :, sum(members)])
+    found = beside(jnp.asarray(table), jnp.asarray(shares))
+    np.testing.assert_allclose(found, np.log(with_it / without), atol=rounding(np.float64, 1000) * 100)
+    np.testing.assert_allclose(beside(jnp.asarray(table), jnp.zeros(shares.shape)), table[:, :, 1], atol=1e-12)

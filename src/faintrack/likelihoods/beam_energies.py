@@ -222,6 +222,38 @@ def region_log_ratio(
     return jnp.where(jnp.sum(heard, axis=0) >= min(2, len(ratios)), total, jnp.minimum(total, 0))
 
 
+def beside(
+    table: Float[Array, "array beam number"], shares: Float[Array, "target array beam"]
+) -> Float[Array, "array beam"]:
+    r"""Natural log of the ratio of every beam for one target more, beside targets that may be in it.
+
+    With :math:`P(n)` the probability that n of them are in a beam, independent of each other,
+
+    .. math:: \log \frac{\sum_n P(n) \, \bar p_{n+1}}{\sum_n P(n) \, \bar p_n}
+
+    Parameters
+    ----------
+    table : `BeamEnergies.table`; of one target more than there are.
+    shares : probability that each is in each beam.
+
+    Examples
+    --------
+    >>> table = jnp.array([[[0.0, 2.0, 0.0]]])
+    >>> [round(float(beside(table, jnp.full((1, 1, 1), share))[0, 0]), 2) for share in (0.0, 1.0)]
+    [2.0, -2.0]
+    """
+    most = table.shape[2] - 1
+
+    def joined(number: Array, share: Array) -> tuple[Array, None]:
+        one_more = jnp.pad(number[..., :-1], ((0, 0), (0, 0), (1, 0)))
+        return number * (1 - share[..., None]) + one_more * share[..., None], None
+
+    none = jnp.zeros((*table.shape[:2], most), table.dtype).at[..., 0].set(1)
+    log_number = jnp.log(jax.lax.scan(joined, none, shares)[0])
+    with_it = jax.nn.logsumexp(log_number + table[..., 1:], axis=2)
+    return with_it - jax.nn.logsumexp(log_number + table[..., :-1], axis=2)
+
+
 @full_precision
 def occupied_log_ratios(
     table: Float[Array, "array beam number"],

@@ -211,6 +211,26 @@ class JointTrackers(eqx.Module):
         """Mean state of every slot."""
         return followed.beliefs.each(mean)
 
+    def shares(
+        self, followed: Followed, scan: EnergyScan, among: Bool[Array, " slot"]
+    ) -> Float[Array, "slot array beam"]:
+        """Probability that each target is in each beam; 0 of those that are not asked about.
+
+        Parameters
+        ----------
+        followed : targets in hand.
+        scan : says where the arrays are.
+        among : slots that are asked about.
+        """
+        fans, beliefs = self.likelihood.fans, followed.beliefs
+        beams = fans.beams(scan.stations, beliefs.states)
+        weights = jnp.exp(beliefs.log_weights) * (beliefs.existence * among)[:, None]
+        array, slot = jnp.arange(fans.arrays)[:, None, None], jnp.arange(self.slots)[:, None]
+        # What is heard in no beam falls into the one more that stands last.
+        none = jnp.zeros((self.slots, fans.arrays, fans.most + 1), weights.dtype)
+        # Weights rounded each may come to a little more than 1.
+        return jnp.minimum(none.at[slot, array, beams].add(weights), 1)
+
     def _alone(
         self,
         table: Float[Array, "array beam number"],
