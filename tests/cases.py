@@ -158,9 +158,9 @@ def clutter_case(dtype: type) -> Case:
 # Beams of several arrays
 
 
-def energies_case(dtype: type) -> Case:
+def energies_case(dtype: type, elsewhere: float = 0.0) -> Case:
     beam = math.radians(5)
-    likelihood = BeamEnergies(Fans((0.0, 0.0), (beam, beam), (37, 30), (True, True)), 0.0, 1.0, 0.7, 1.1)
+    likelihood = BeamEnergies(Fans((0.0, 0.0), (beam, beam), (37, 30), (True, True)), 0.0, 1.0, 0.7, 1.1, elsewhere)
     heading = jnp.array([math.pi / 2, 0.0], dtype)
     stations = Stations(jnp.array([0.0, -500.0], dtype), jnp.array([-500.0, 0.0], dtype), heading)
     usable = jnp.ones((2, 37), bool).at[1, 30:].set(False).at[0, 20].set(False)
@@ -299,6 +299,7 @@ LIKELIHOODS: dict[str, Callable[[type], Case]] = {
     "unknown level": functools.partial(cell_case, lambda: UnknownLevel((image(gaussian, 0.5), image(gaussian, 1.0)))),
     "clutter": clutter_case,
     "beam energies": energies_case,
+    "beam energies, sources elsewhere": functools.partial(energies_case, elsewhere=0.05),
     "exceedances": lambda dtype: returns_case(exceedances(), dtype, *PLACES),
     "bearing sets": bearings_case,
     "observers": observers_case,
@@ -332,12 +333,14 @@ QUIET: dict[str, Callable[[Any], Any]] = {
     "unknown level": unseen,
     "of possible": unseen,
     "beam energies": silent,
+    "beam energies, sources elsewhere": silent,
     "observers": nobody,
 }
 """What makes of a scan one in which nothing was measured; of other sensors silence is a measurement."""
 
 MASKED: dict[str, Callable[[Any], Any]] = {
     "beam energies": energies_masked,
+    "beam energies, sources elsewhere": energies_masked,
     "exceedances": returns_masked,
     "bearing sets": bearings_masked,
 }

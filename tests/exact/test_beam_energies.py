@@ -1,4 +1,4 @@
-"""Energies of beams against densities multiplied beam by beam, sources from elsewhere summed over, and plane geometry."""
+"""Energies of beams against densities multiplied out, sources from elsewhere summed over, and plane geometry."""
 
 import dataclasses
 import itertools
@@ -136,7 +136,9 @@ def test_targets_beside_sources_from_elsewhere_are_the_sum_over_their_number(
     expected = np.stack([np.log(density(n) / density(0)) for n in range(most + 1)], axis=-1)
     rest = elsewhere ** (SOURCES + 1) / (1 - elsewhere)
     usable = np.asarray(here.usable)
-    np.testing.assert_allclose(table[:, :-1][usable], expected[usable], atol=2 * rest + rounding(np.float64, 1000) * 100)
+    np.testing.assert_allclose(
+        table[:, :-1][usable], expected[usable], atol=2 * rest + rounding(np.float64, 1000) * 100
+    )
 
 
 @pytest.mark.parametrize("elsewhere", [0.01, 0.1])
@@ -273,7 +275,9 @@ def test_beside_targets_that_are_there_a_set_has_what_it_adds(float64: type) -> 
     """Both ghosts of two declared targets are the second in each of their beams."""
     table, _ = (np.asarray(values) for values in crossings())
     expected = sum(
-        table[array, beam, 2] - table[array, beam, 1] for array, beams in enumerate([(3, 11), (20, 4)]) for beam in beams
+        table[array, beam, 2] - table[array, beam, 1]
+        for array, beams in enumerate([(3, 11), (20, 4)])
+        for beam in beams
     )
     assert ratio_of((2, 3), there=(0, 1)) == pytest.approx(expected, abs=1e-12)
 
@@ -290,7 +294,9 @@ def test_one_target_more_beside_others_is_the_sum_over_who_is_in_its_beam(float6
     shares = np.random.default_rng(10).random((3, *table.shape[:2]))
     with_it, without = np.zeros(table.shape[:2]), np.zeros(table.shape[:2])
     for members in itertools.product([False, True], repeat=3):
-        weight = np.prod([share if member else 1 - share for share, member in zip(shares, members, strict=True)], axis=0)
+        weight = np.prod(
+            [share if member else 1 - share for share, member in zip(shares, members, strict=True)], axis=0
+        )
         with_it += weight * np.exp(table[:, :, sum(members) + 1])
         without += weight * np.exp(table[:, :, sum(members)])
     found = beside(jnp.asarray(table), jnp.asarray(shares))

@@ -43,10 +43,10 @@ What follows from it, and can be repeated:
 
 With e = 0 all of it is the paper's product. That is for an array by itself: whatever it hears is a target of its own.
 
-Sources are drawn anew in every scan. One that **stays** in its beam is as likely to be there in the next scan, and what
-one of several arrays hears alone never tells it from a target: between the two the odds remain what they were. So where a
-place is heard by one array only and there are others, the ratio compares with the best of both, and counts against a
-target only (eq. 18 of a single array): :math:`\log \ell_R = \min(\lambda, 0)`.
+The model draws sources anew in every scan. One that **stays** in its beam explains all that a single array hears of a
+target as well as the target does, and the odds of the two remain what they were. So where one of several arrays hears a
+place alone, the ratio compares with the better of nothing and such a source, as eq. 18 does, and only counts against a
+target: :math:`\log \ell_R = \min(\lambda, 0)`.
 """
 
 import dataclasses
@@ -61,7 +61,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.errors import InputError
 from faintrack.numerics.precision import full_precision
-from faintrack.sensors.stations import EnergyScan, Fans
+from faintrack.sensors.stations import EnergyScan, Fans, Stations
 
 ELSEWHERE = 0.03
 """Probability of a source from elsewhere in a beam of several arrays, where nothing else is known of it."""
@@ -115,8 +115,8 @@ class BeamEnergies(eqx.Module):
     def __check_init__(self) -> None:
         if not 0 <= self.elsewhere <= MOST_ELSEWHERE:
             raise InputError(
-                f"beam energies: a beam holds a source from elsewhere with probability {self.elsewhere:g}; expected 0 to "
-                f"{MOST_ELSEWHERE:g}."
+                f"beam energies: a beam holds a source from elsewhere with probability {self.elsewhere:g}; expected 0 "
+                f"to {MOST_ELSEWHERE:g}."
             )
         values = [np.asarray(getattr(self, name), float) for name in LEVELS if _known(getattr(self, name))]
         if len(values) < len(LEVELS):
@@ -134,9 +134,10 @@ class BeamEnergies(eqx.Module):
             )
 
     def table(self, scan: EnergyScan, most: int = 1) -> Float[Array, "array beam number"]:
-        """Natural log of the module's p_n / p_0, sources from elsewhere summed over, of every beam for n from 0 to `most` targets; 0 where it is not usable.
+        """Natural log of the ratio of every beam for n targets to none, n from 0 to `most`; 0 where it is not usable.
 
-        One beam more than the fans have stands last: it says nothing, and is where number -1 points.
+        Both densities are those with sources from elsewhere. One beam more than the fans have stands last: it says
+        nothing, and is where number -1 points.
         """
         sources = SOURCES if self.elsewhere else 0
         number = jnp.arange(most + sources + 1)
@@ -149,7 +150,7 @@ class BeamEnergies(eqx.Module):
         log_density = -0.5 * (excess**2 / variance + jnp.log(variance))
         log_density = log_density - log_density[:, :, :1]
         if self.elsewhere:
-            # Times e^n, p_n is the sum of e^i p_i over i from n on, which ends at one number for all n: so the bound holds.
+            # Times e^n it is the sum of e^i p_i over i from n on, which ends at one i for all n: so the bound holds.
             step = number * math.log(self.elsewhere)
             log_density = (jax.lax.cumlogsumexp(log_density + step, axis=2, reverse=True) - step)[:, :, : most + 1]
         ratio = jnp.where(scan.usable[:, :, None], log_density - log_density[:, :, :1], 0)
@@ -165,6 +166,23 @@ class BeamEnergies(eqx.Module):
         states : positions in the plane, or states with a bearing.
         """
         return jnp.sum(in_beams(self.table(scan)[:, :, 1], self.fans.beams(scan.stations, states)), axis=0)
+
+    def mean_log_ratio(self) -> Float[Array, " array"]:
+        """Mean natural log of the ratio of a beam that holds a target and no other source: what a scan adds, by array.
+
+        Examples
+        --------
+        >>> fans = Fans((0.0,), (0.1,), (10,), (True,))
+        >>> [round(float(BeamEnergies(fans, present_mean=3.0, elsewhere=e).mean_log_ratio()[0]), 2) for e in (0, 0.03)]
+        [4.5, 2.55]
+        """
+        steps = jnp.linspace(-8.0, 8.0, 1601)
+        mean, std = (jnp.reshape(jnp.asarray(getattr(self, name)), (-1, 1)) for name in ("present_mean", "present_std"))
+        energy = jnp.broadcast_to(mean + std * steps, (self.fans.arrays, len(steps)))
+        none = jnp.zeros(self.fans.arrays)
+        scan = EnergyScan(jnp.array(0.0), energy, jnp.ones(energy.shape, bool), Stations(none, none, none))
+        density = jax.nn.softmax(-0.5 * steps**2)
+        return jnp.sum(density * self.table(scan)[:, :-1, 1], axis=1)
 
     def energies(self, targets: Int[Array, "*scan array beam"], key: PRNGKeyArray) -> Float[Array, "*scan array beam"]:
         """Draw the energy of every beam, given the number of targets in it; sources from elsewhere come to it."""
@@ -205,7 +223,7 @@ def in_beams(values: Float[Array, "array beam"], beams: Int[Array, "array *point
 def region_log_ratio(
     ratios: Float[Array, "array *points"], heard: Bool[Array, "array *points"]
 ) -> Float[Array, "*points"]:
-    r"""Log ratio for a region: the sum over the arrays, or what counts against a target where one alone hears the place.
+    r"""Log ratio for a region: summed over the arrays, and not above 0 where only one of several hears the place.
 
     Parameters
     ----------
@@ -297,10 +315,10 @@ def set_log_ratio(
 ) -> Float[Array, " particle"]:
     r"""Log ratio of particles for a set of targets, in a region that energy from outside reaches.
 
-    Beside targets that are there, the energy of a beam speaks for the members in it together, and every beam counts once:
-    each member has an even share of the ratio of its beams, and its shares are summed as by `region_log_ratio`. So two
-    sets that explain the same beams, two targets or the two places where their beams cross otherwise, have the same
-    ratio; a set of one target has that of `region_log_ratio`.
+    Beside targets that are there, the energy of a beam speaks for the members in it together, and every beam counts
+    once: each member has an even share of the ratio of its beams, and its shares are summed as by `region_log_ratio`.
+    So two sets that explain the same beams, two targets or the two places where their beams cross otherwise, have the
+    same ratio; a set of one target has that of `region_log_ratio`.
 
     Parameters
     ----------

@@ -9,10 +9,11 @@ region (`faintrack.trackers.detectors`), which leave out what is explained alrea
 
 The second rule is what keeps **ghosts** away, places where the beams of two targets cross: the energy of one target
 speaks against a second. Before any target is declared a ghost looks like one, and may be handed over; but once both of
-its targets are declared, their beams are explained without it, and it dies. So a target that has been handed over is tentative: it is declared, and labelled,
-when it has lasted for some scans and its existence is above a threshold, in spite of all other sets of tentative
-targets (`faintrack.trackers.hypotheses`). It is dropped when its existence falls below a lower one; a tentative one
-only if its slot may be needed.
+its targets are declared, their beams are explained without it, and it dies. So a target that has been handed over is
+tentative: it is declared, and labelled, when it has lasted for some scans and its existence is above a threshold, in
+spite of all other sets of tentative targets (`faintrack.trackers.hypotheses`). A declared one is dropped when its
+existence falls below a lower threshold; a tentative one is kept until next to nothing speaks for it, or a target is found
+and no slot is free. Two arrays may never tell two targets from their ghosts: these are undecided, and said to be so.
 
 Where the surroundings of a region are watched, targets there are found, tentative, declared and explain energy like all
 others. They have a label as long as they are in the region.
@@ -108,7 +109,8 @@ class SeveralTargetsTracker(eqx.Module):
     detect : probability of a detector at which it hands over.
     declare : existence at which a target is declared, once it has been in hand for `hold` scans.
     drop : existence below which a target is given up.
-    doubt : the same of a tentative one as long as a slot is free: its turn may come with a target that is found later.
+    doubt : the same of a tentative one, whose turn may come with a target that is found later. Only where one is found
+        and no slot is free, the least likely one below `drop` is given up.
     hold : scans that a target is tentative at least.
     margin : beams on either side of a target's own that it raises too.
     outside : watches the region and its surroundings; targets outside explain energy and are followed, without a label.

@@ -54,6 +54,9 @@ def scans_dataset(
     data = data.assign(
         detection=_of("detector", estimates.detection, "1", "probability of a target in the detector"),
         joint=_of("slot", estimates.joint, "1", "whether the target was updated together with another"),
+        undecided=_of(
+            "slot", estimates.undecided, "1", "whether a target can be neither declared nor given up; see existence"
+        ),
         full=of_scans(estimates.full, "1", "whether a target was found and no slot was free", counted="full_scans"),
         record=(
             ("time", "array", "beam"),

@@ -14,6 +14,7 @@ def about(result: Result) -> dict[str, str]:
     levels = result.scenario.energies.levels
     cells = " x ".join(str(count) for count in np.atleast_1d(data.attrs["cells"]))
     several = result.scenario.several
+    undecided = int(data.undecided.any("slot").sum())
     return {
         "records": str(data.attrs["source"]),
         "start": data.attrs["start_time"] or "not known",
@@ -34,4 +35,7 @@ def about(result: Result) -> dict[str, str]:
         "detectors": f"{data.sizes['detector']} of {cells} cells{wide}, up to {fastest}",
         "slots": f"{data.sizes['slot']}",
         "declared": f"at existence {several.declare:g}, {several.hold} scans in hand",
+        "undecided": "nothing"
+        if not undecided
+        else f"in {undecided} scans, targets that could be neither declared nor given up; see existence of each slot",
     } | ({} if region is None else {"ellipses": "3 standard deviations"})
