@@ -63,7 +63,7 @@ from faintrack.errors import InputError
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 
-ELSEWHERE = 0.03
+ELSEWHERE = 0.05
 """Probability of a source from elsewhere in a beam of several arrays, where nothing else is known of it."""
 
 SOURCES = 4

@@ -12,8 +12,9 @@ speaks against a second. Before any target is declared a ghost looks like one, a
 its targets are declared, their beams are explained without it, and it dies. So a target that has been handed over is
 tentative: it is declared, and labelled, when it has lasted for some scans and its existence is above a threshold, in
 spite of all other sets of tentative targets (`faintrack.trackers.hypotheses`). A declared one is dropped when its
-existence falls below a lower threshold; a tentative one is kept until next to nothing speaks for it, or a target is found
-and no slot is free. Two arrays may never tell two targets from their ghosts: these are undecided, and said to be so.
+existence falls below a lower threshold; a tentative one is kept until next to nothing speaks for it, or a target is
+found and no slot is free. Two arrays may never tell two targets from their ghosts: these are undecided, and said to be
+so.
 
 Where the surroundings of a region are watched, targets there are found, tentative, declared and explain energy like all
 others. They have a label as long as they are in the region.

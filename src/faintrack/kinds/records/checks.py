@@ -7,8 +7,8 @@ import numpy as np
 from faintrack.trackers.several import SeveralTargetsTracker
 
 SLOWER = 2.0
-"""Times as long as its evidence alone takes that a target is found in: cells are looked at in a few points, and it moves
-from one to the next."""
+"""Times as long as its evidence alone takes that a target is found in: cells are looked at in a few points, and it
+moves from one to the next."""
 
 
 def about_evidence(tracker: SeveralTargetsTracker, interval: float) -> tuple[str, ...]:
@@ -36,6 +36,6 @@ def about_evidence(tracker: SeveralTargetsTracker, interval: float) -> tuple[str
         return ()
     return (
         f"A target adds {arrays.sum():.2g} nats of evidence a scan, all {len(arrays)} arrays together, and takes "
-        f"{takes:.3g} s or so to be found, while the fastest stay in a detector for {stays:.3g} s; expected at most half. "
-        "Louder targets, more arrays, larger or fewer detectors or a lower speed would do.",
+        f"{takes:.3g} s or so to be found, while the fastest stay in a detector for {stays:.3g} s; expected at most "
+        "half. Louder targets, more arrays, larger or fewer detectors or a lower speed would do.",
     )

@@ -151,7 +151,7 @@ class EnergiesSection(Section):
         `faintrack.signal.energies`.
     present : mean and standard deviation with one target. Where not given the mean lies two standard deviations above
         that without, and the standard deviation is the same.
-    elsewhere : probability that a beam holds a source that is no target of the region. Where not given 0.03; 0 of an
+    elsewhere : probability that a beam holds a source that is no target of the region. Where not given 0.05; 0 of an
         array by itself, to which every source is a target.
     """
 
