@@ -29,6 +29,10 @@ where each target's places are drawn from its particles, and :math:`\ell_R` is t
 elsewhere would say it too, and what it says against one is not. So where the beam of a target in hand crosses one of
 nobody's, the array that speaks against the ghost outweighs the one that speaks for it.
 
+Members that share no beam are independent, and the mean is the product of theirs, each over all particles of its target.
+So that is what is taken, times what sharing makes of it: the mean over joint states of fewer particles, over that of the
+products. Their errors cancel, which would otherwise walk off with the odds of two sets that explain the same beams.
+
 **Coupled partitions** propose the particles (Kreucher, Kastella and Hero 2005): one member after the other, each joint
 state draws several places to move to, and takes one with the probability that the scan gives it beside the other
 members. The weight makes up for it:
@@ -47,7 +51,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.belief import covariance, mean, update
-from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, set_log_ratio
+from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio, set_log_ratio
 from faintrack.likelihoods.within import REFUTED
 from faintrack.numerics.draws import normal, uniform
 from faintrack.numerics.precision import full_precision
@@ -163,7 +167,8 @@ class JointTrackers(eqx.Module):
         few = self._paired(log_weights, joint & declared & declared[:, None], for_there)
         at = jnp.take_along_axis(beams, few[None], axis=2)
         certain, past = (jnp.take_along_axis(each, few, axis=1) for each in (explains, beyond))
-        alone = self._alone(table, beams, explains, joint) + beyond
+        own = occupied_log_ratios(table, beams, explains, joint)[1]
+        alone = region_log_ratio(own, beams >= 0) + beyond
         single = jax.nn.logsumexp(log_weights + alone, axis=1)
         few_alone = jnp.take_along_axis(alone, few, axis=1)
 
@@ -230,18 +235,6 @@ class JointTrackers(eqx.Module):
         none = jnp.zeros((self.slots, fans.arrays, fans.most + 1), weights.dtype)
         # Weights rounded each may come to a little more than 1.
         return jnp.minimum(none.at[slot, array, beams].add(weights), 1)
-
-    def _alone(
-        self,
-        table: Float[Array, "array beam number"],
-        beams: Int[Array, "array slot particle"],
-        explains: Bool[Array, "slot particle"],
-        joint: Bool[Array, "slot slot"],
-    ) -> Float[Array, "slot particle"]:
-        """Log ratio of the particles of each target, were it the only one that is not declared."""
-        return jax.vmap(lambda mine: set_log_ratio(table, beams, explains & ~mine[:, None], mine, joint))(
-            jnp.eye(self.slots, dtype=bool)
-        )
 
     def _beyond(self, states: Any) -> Float[Array, "..."]:
         """Log ratio of states to be there at all: 0, or `REFUTED` beyond the limits."""
