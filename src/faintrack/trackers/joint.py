@@ -29,9 +29,10 @@ where each target's places are drawn from its particles, and :math:`\ell_R` is t
 elsewhere would say it too, and what it says against one is not. So where the beam of a target in hand crosses one of
 nobody's, the array that speaks against the ghost outweighs the one that speaks for it.
 
-Members that share no beam are independent, and the mean is the product of theirs, each over all particles of its target.
-So that is what is taken, times what sharing makes of it: the mean over joint states of fewer particles, over that of the
-products. Their errors cancel, which would otherwise walk off with the odds of two sets that explain the same beams.
+Members that share no beam are independent, and the mean is the product of theirs, each over all particles of its
+target. So that is what is taken, times what sharing makes of it: the mean over joint states of fewer particles, over
+that of the products. Their errors cancel, which would otherwise walk off with the odds of two sets that explain the
+same beams.
 
 **Coupled partitions** propose the particles (Kreucher, Kastella and Hero 2005): one member after the other, each joint
 state draws several places to move to, and takes one with the probability that the scan gives it beside the other
