@@ -28,7 +28,7 @@ from scipy.signal import savgol_filter
 from faintrack.beliefs.axis import between
 from faintrack.errors import InputError
 from faintrack.io.ais import read_ships
-from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.likelihoods.beam_energies import ELSEWHERE, BeamEnergies
 from faintrack.metrics.intervals import bootstrap_interval
 from faintrack.metrics.sets import gospa
 from faintrack.sensors.array import line_array
@@ -115,7 +115,7 @@ def records(paths: list[np.ndarray], fans: Fans, stations: Stations, run: int) -
 def plan_tracker(fans: Fans, surroundings: float) -> SeveralTargetsTracker:
     """The paper's detectors and, around the region, one more; with trackers of eight ships."""
     return region_tracker(
-        BeamEnergies(fans, present_mean=LEVEL, present_std=SPREAD),
+        BeamEnergies(fans, present_mean=LEVEL, present_std=SPREAD, elsewhere=ELSEWHERE),
         *REGION,
         detectors=(2, 2),
         cells=(51, 51),

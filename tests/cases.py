@@ -187,9 +187,9 @@ def superposed_case(dtype: type, beside: bool = False) -> Case:
 # Beams of several arrays
 
 
-def energies_case(dtype: type) -> Case:
+def energies_case(dtype: type, elsewhere: float = 0.0) -> Case:
     beam = math.radians(5)
-    likelihood = BeamEnergies(Fans((0.0, 0.0), (beam, beam), (37, 30), (True, True)), 0.0, 1.0, 0.7, 1.1)
+    likelihood = BeamEnergies(Fans((0.0, 0.0), (beam, beam), (37, 30), (True, True)), 0.0, 1.0, 0.7, 1.1, elsewhere)
     heading = jnp.array([math.pi / 2, 0.0], dtype)
     stations = Stations(jnp.array([0.0, -500.0], dtype), jnp.array([-500.0, 0.0], dtype), heading)
     usable = jnp.ones((2, 37), bool).at[1, 30:].set(False).at[0, 20].set(False)
@@ -330,6 +330,7 @@ LIKELIHOODS: dict[str, Callable[[type], Case]] = {
     "superposed": superposed_case,
     "superposed, beside": functools.partial(superposed_case, beside=True),
     "beam energies": energies_case,
+    "beam energies, sources elsewhere": functools.partial(energies_case, elsewhere=0.05),
     "exceedances": lambda dtype: returns_case(exceedances(), dtype, *PLACES),
     "bearing sets": bearings_case,
     "observers": observers_case,
@@ -365,12 +366,14 @@ QUIET: dict[str, Callable[[Any], Any]] = {
     "superposed": unseen,
     "superposed, beside": unseen,
     "beam energies": silent,
+    "beam energies, sources elsewhere": silent,
     "observers": nobody,
 }
 """What makes of a scan one in which nothing was measured; of other sensors silence is a measurement."""
 
 MASKED: dict[str, Callable[[Any], Any]] = {
     "beam energies": energies_masked,
+    "beam energies, sources elsewhere": energies_masked,
     "exceedances": returns_masked,
     "bearing sets": bearings_masked,
 }

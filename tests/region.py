@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from faintrack.beliefs.axis import Axis
-from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.likelihoods.beam_energies import ELSEWHERE, BeamEnergies
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.simulation.energies import draw_energies
 from faintrack.targets.states import PlanarState
@@ -19,7 +19,7 @@ FANS = Fans((0.0, 0.0), (BEAM, BEAM), (37, 37), (True, True))
 STATIONS = Stations(jnp.array([0.0, -500.0]), jnp.array([-500.0, 0.0]), jnp.array([math.pi / 2, 0.0]))
 """One south of the middle along the east axis, one west of it along the north axis."""
 
-MODEL = BeamEnergies(FANS, 0.0, 1.0, 4.0, 1.0)
+MODEL = BeamEnergies(FANS, 0.0, 1.0, 4.0, 1.0, ELSEWHERE)
 SCANS = 40
 
 

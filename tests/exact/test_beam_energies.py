@@ -1,5 +1,6 @@
-"""Energies of beams against densities multiplied beam by beam, hypotheses told apart one by one, and plane geometry."""
+"""Energies of beams against densities multiplied out, sources from elsewhere summed over, and plane geometry."""
 
+import dataclasses
 import itertools
 import math
 
@@ -10,10 +11,19 @@ import pytest
 from scipy.stats import norm
 
 from faintrack.errors import InputError
-from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio, set_log_ratio
+from faintrack.likelihoods.beam_energies import (
+    LEVELS,
+    MOST_ELSEWHERE,
+    SOURCES,
+    BeamEnergies,
+    beside,
+    occupied_log_ratios,
+    region_log_ratio,
+    set_log_ratio,
+)
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.targets.states import BearingState, PlanarState
-from tests.tolerances import STANDARD_ERRORS, assert_mean, rounding
+from tests.tolerances import assert_mean, rounding
 
 TEN = math.radians(10)
 FANS = Fans((0.0, -math.pi), (TEN, TEN), (19, 36), (True, False))
@@ -106,20 +116,88 @@ def test_one_target_has_the_ratio_of_its_beams(float64: type) -> None:
     np.testing.assert_allclose(MODEL.log_ratio(here, states), expected, rtol=rounding(np.float64, 1000))
 
 
-@pytest.mark.parametrize("arrays", [1, 2, 3, 4])
-def test_region_ratio_is_presence_over_the_best_absence(arrays: int, float64: type) -> None:
-    """kreucher2011, eq. 18, the maximum taken over every set of arrays that a target elsewhere may be heard by."""
-    ratios = np.random.default_rng(3).normal(0, 3, (arrays, 200))
-    subsets = [s for n in range(arrays) for s in itertools.combinations(range(arrays), n)]
-    best = np.max([ratios[list(s)].sum(axis=0) for s in subsets], axis=0)
-    found = region_log_ratio(jnp.asarray(ratios), jnp.ones(ratios.shape, bool))
-    np.testing.assert_allclose(found, ratios.sum(axis=0) - best, atol=rounding(np.float64, 100) * 10)
+@pytest.mark.parametrize("most", [1, 3])
+@pytest.mark.parametrize("elsewhere", [0.0, 0.01, 0.1, MOST_ELSEWHERE])
+def test_targets_beside_sources_from_elsewhere_are_the_sum_over_their_number(
+    elsewhere: float, most: int, float64: type
+) -> None:
+    """Forty sources multiplied out; the likelihood ends the sum, which leaves out a share e^(SOURCES + 1) at most."""
+    here = scan(np.random.default_rng(3))
+    table = np.asarray(dataclasses.replace(MODEL, elsewhere=elsewhere).table(here, most))
+    mean0, std0, mean1, std1 = (np.asarray(getattr(MODEL, name))[:, None] for name in LEVELS)
+
+    def density(targets: int) -> np.ndarray:
+        shares = [(targets + k, elsewhere**k) for k in range(41)]
+        return sum(
+            share * norm.pdf(here.energy, mean0 + n * (mean1 - mean0), np.sqrt(std0**2 + n * (std1**2 - std0**2)))
+            for n, share in shares
+        )
+
+    expected = np.stack([np.log(density(n) / density(0)) for n in range(most + 1)], axis=-1)
+    rest = elsewhere ** (SOURCES + 1) / (1 - elsewhere)
+    usable = np.asarray(here.usable)
+    np.testing.assert_allclose(
+        table[:, :-1][usable], expected[usable], atol=2 * rest + rounding(np.float64, 1000) * 100
+    )
+
+
+@pytest.mark.parametrize("elsewhere", [0.01, 0.1])
+def test_no_beam_speaks_for_a_target_beyond_one_over_the_probability_of_another_source(
+    elsewhere: float, float64: type
+) -> None:
+    model = BeamEnergies(Fans((0.0,), (TEN,), (2000,), (False,)), 0.0, 1.0, 2.0, 1.0, elsewhere)
+    energy = jnp.linspace(-20.0, 500.0, 2000)[None]
+    loud = EnergyScan(jnp.array(0.0), energy, jnp.ones(energy.shape, bool), EAST)
+    table = np.asarray(model.table(loud, 3))[0, :-1]
+    bound, tolerance = -np.arange(4) * math.log(elsewhere), rounding(np.float64, 1000) * 1000
+    assert np.all(table <= bound + tolerance)
+    # A loud beam reaches it, and a silent one is not bounded.
+    np.testing.assert_allclose(table[-1], bound, atol=tolerance)
+    assert table[0, 1] < -30
+
+
+def integrals(level: float, elsewhere: float) -> dict[str, float]:
+    """Means of a beam's ratio for one target, and of its logarithm, by the trapezoidal rule over energy."""
+    energy = np.linspace(-9.0, 9.0 + 10 * level, 20_001)
+    model = BeamEnergies(Fans((0.0,), (TEN,), (len(energy),), (False,)), 0.0, 1.0, level, 1.0, elsewhere)
+    here = EnergyScan(jnp.array(0.0), jnp.asarray(energy)[None], jnp.ones((1, len(energy)), bool), EAST)
+    log_ratio = np.asarray(model.table(here))[0, :-1, 1]
+    noise, target = norm.pdf(energy), norm.pdf(energy, level)
+    other = sum((1 - elsewhere) * elsewhere**k * norm.pdf(energy, k * level) for k in range(11))
+    return {
+        "of nothing": float(np.trapezoid(np.exp(log_ratio) * other, energy)),
+        "of noise": float(np.trapezoid(np.exp(log_ratio) * noise, energy)),
+        "log at a target": float(np.trapezoid(log_ratio * target, energy)),
+        "log at none": float(np.trapezoid(log_ratio * noise, energy)),
+    }
+
+
+@pytest.mark.parametrize("level", [0.5, 1.0, 2.0, 3.0, 5.0])
+@pytest.mark.parametrize("elsewhere", [0.0, 0.01, 0.03, 0.1])
+def test_an_array_more_is_evidence_more(level: float, elsewhere: float, float64: type) -> None:
+    """The mean ratio is 1 over a beam that may hold others, and the mean log ratio has the sign of the truth."""
+    means = integrals(level, elsewhere)
+    rest = elsewhere ** (SOURCES + 1)
+    assert means["of nothing"] == pytest.approx(1.0, abs=2 * rest + 1e-9)
+    assert means["of noise"] <= 1 / (1 - elsewhere) + 1e-9
+    assert means["log at none"] < 0 < means["log at a target"]
+
+
+def test_energies_are_drawn_from_the_densities(float64: type) -> None:
+    """Mean and variance of beams with one target, within five standard errors; sources from elsewhere are geometric."""
+    e, count = 0.1, 200_000
+    model = BeamEnergies(Fans((0.0,), (TEN,), (count,), (False,)), 0.0, 1.0, 3.0, 1.5, e)
+    energy = np.asarray(model.energies(jnp.ones((1, count), int), jax.random.key(0)))[0]
+    assert_mean(energy, 3 * (1 + e / (1 - e)))
+    variance = 1 + 1.25 * (1 + e / (1 - e)) + 9 * e / (1 - e) ** 2
+    assert_mean((energy - 3 * (1 + e / (1 - e))) ** 2, variance)
 
 
 def test_what_one_array_hears_alone_counts_against_a_target_only() -> None:
-    ratios = jnp.array([[3.0, -3.0], [5.0, 5.0]])
-    heard = jnp.array([[True, True], [False, False]])
-    assert region_log_ratio(ratios, heard).tolist() == [0.0, -3.0]
+    ratios = jnp.array([[3.0, -3.0, 3.0], [5.0, 5.0, -1.0]])
+    heard = jnp.array([[True, True, True], [False, False, True]])
+    assert region_log_ratio(ratios, heard).tolist() == [0.0, -3.0, 2.0]
+    assert region_log_ratio(ratios[:1], heard[:1]).tolist() == [3.0, -3.0, 3.0]
 
 
 def test_beams_that_are_not_usable_say_nothing() -> None:
@@ -137,6 +215,8 @@ def test_beams_that_are_not_usable_say_nothing() -> None:
         ({"absent_std": 0.0}, "above 0"),
         ({"present_std": 0.5}, "not below"),
         ({"present_mean": 0.0}, "second above"),
+        ({"elsewhere": 0.5}, "from elsewhere with probability 0.5"),
+        ({"elsewhere": -0.1}, "expected 0 to 0.2"),
     ],
 )
 def test_levels_that_cannot_be_are_refused(change: dict[str, float], says: str) -> None:
@@ -149,27 +229,6 @@ def test_fans_that_cannot_be_are_refused() -> None:
         Fans((0.0,), (0.0,), (10,), (True,))
     with pytest.raises(InputError, match="as many entries"):
         Fans((0.0, 1.0), (0.1,), (10,), (True,))
-
-
-def test_mean_ratio_without_a_target_is_one_and_that_of_a_region_below(float64: type) -> None:
-    """Within five standard errors; a target elsewhere, heard by one array, does not raise the region's above one."""
-    model = BeamEnergies(FANS, 0.0, 1.0, 1.0, 1.0)
-    where = planar(np.array([250.0]), np.array([400.0]))
-    beams = FANS.beams(EAST, where)
-
-    def draw(key: jax.Array, elsewhere: float) -> tuple[jax.Array, jax.Array]:
-        energy = jax.random.normal(key, (2, 36)).at[0, beams[0, 0]].add(elsewhere)
-        here = EnergyScan(jnp.array(0.0), energy, jnp.ones((2, 36), bool), EAST)
-        ratios = model.table(here)[:, :, 1][jnp.arange(2)[:, None], beams]
-        return jnp.exp(model.log_ratio(here, where))[0], jnp.exp(region_log_ratio(ratios, beams >= 0))[0]
-
-    keys = jax.random.split(jax.random.key(0), 20_000)
-    plain, region = jax.vmap(lambda key: draw(key, 0.0))(keys)
-    _, heard = jax.vmap(lambda key: draw(key, 1.0))(keys)
-    assert_mean(np.asarray(plain), 1.0)
-    for draws in (region, heard):
-        error = float(draws.std()) / math.sqrt(len(draws))
-        assert float(draws.mean()) < 1 + STANDARD_ERRORS * error
 
 
 def crossings() -> tuple[jax.Array, jax.Array]:
@@ -206,25 +265,40 @@ def test_two_targets_and_their_ghosts_have_the_same_ratio(float64: type) -> None
 
 
 def test_a_set_counts_every_beam_once_for_all_its_targets(float64: type) -> None:
-    """Three of the four crossings: beams of one target and of two, the weaker array of the whole group."""
+    """Three of the four crossings: beams of one target and of two."""
     table, _ = (np.asarray(values) for values in crossings())
-    arrays = [table[0, 3, 2] + table[0, 11, 1], table[1, 20, 1] + table[1, 4, 2]]
-    expected = sum(min(one, 0) for one in arrays) + max(min(arrays), 0)
+    expected = table[0, 3, 2] + table[0, 11, 1] + table[1, 20, 1] + table[1, 4, 2]
     assert ratio_of((0, 1, 2)) == pytest.approx(expected, abs=1e-12)
 
 
 def test_beside_targets_that_are_there_a_set_has_what_it_adds(float64: type) -> None:
     """Both ghosts of two declared targets are the second in each of their beams."""
     table, _ = (np.asarray(values) for values in crossings())
-    arrays = [
-        sum(table[array, beam, 2] - table[array, beam, 1] for beam in beams)
+    expected = sum(
+        table[array, beam, 2] - table[array, beam, 1]
         for array, beams in enumerate([(3, 11), (20, 4)])
-    ]
-    expected = sum(min(one, 0) for one in arrays) + max(min(arrays), 0)
+        for beam in beams
+    )
     assert ratio_of((2, 3), there=(0, 1)) == pytest.approx(expected, abs=1e-12)
 
 
-def test_groups_of_a_set_are_compared_with_their_own_best_absence(float64: type) -> None:
+def test_groups_of_a_set_are_weighed_apart(float64: type) -> None:
     groups = ((0, 2), (1, 3), (4,))
     apart = ratio_of((0,)) + ratio_of((1,)) + ratio_of((4,))
     assert ratio_of((0, 1, 4), groups=groups) == pytest.approx(apart, abs=1e-12)
+
+
+def test_one_target_more_beside_others_is_the_sum_over_who_is_in_its_beam(float64: type) -> None:
+    """Eight sets of three targets, which are in each beam with probabilities of their own."""
+    table = np.asarray(dataclasses.replace(MODEL, elsewhere=0.05).table(scan(np.random.default_rng(9)), 4))
+    shares = np.random.default_rng(10).random((3, *table.shape[:2]))
+    with_it, without = np.zeros(table.shape[:2]), np.zeros(table.shape[:2])
+    for members in itertools.product([False, True], repeat=3):
+        weight = np.prod(
+            [share if member else 1 - share for share, member in zip(shares, members, strict=True)], axis=0
+        )
+        with_it += weight * np.exp(table[:, :, sum(members) + 1])
+        without += weight * np.exp(table[:, :, sum(members)])
+    found = beside(jnp.asarray(table), jnp.asarray(shares))
+    np.testing.assert_allclose(found, np.log(with_it / without), atol=rounding(np.float64, 1000) * 100)
+    np.testing.assert_allclose(beside(jnp.asarray(table), jnp.zeros(shares.shape)), table[:, :, 1], atol=1e-12)

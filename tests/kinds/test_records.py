@@ -19,6 +19,7 @@ from faintrack.results.result import Result
 from faintrack.results.tables import to_stonesoup, write_geojson
 from faintrack.sensors.array import line_array
 from tests.stations import distance, place, record, records, scenario, tables, tree_equal
+from tests.tolerances import assert_mean
 
 
 @pytest.fixture(scope="module")
@@ -136,12 +137,15 @@ def test_simulated_targets_are_found(tmp_path: Path) -> None:
     assert np.sqrt(np.mean(distance(again.data)[-20:] ** 2)) < 20
 
 
-def test_noise_is_without_a_target() -> None:
-    """Mean and deviation of 60 x 2 x 61 values: 4 standard errors."""
-    what = scenario(simulation={"scans": 60, "beam_deg": 3.0, "targets": [{"x": -300.0, "y": 500.0}]})
-    values = np.stack([record.read(0, 60) for record in silence(what, 1).records])
-    assert abs(values.mean()) < 4 / np.sqrt(values.size)
-    assert abs(values.std() - 1) < 4 / np.sqrt(2 * values.size)
+@pytest.mark.parametrize("elsewhere", [0.0, 0.1])
+def test_noise_is_without_a_target(elsewhere: float) -> None:
+    """Mean and square of 60 x 2 x 61 values; sources from elsewhere, three deviations each, are geometric in number."""
+    simulation = {"scans": 60, "beam_deg": 3.0, "targets": [{"x": -300.0, "y": 500.0}]}
+    what = scenario(simulation=simulation, energies={"elsewhere": elsewhere})
+    values = np.stack([record.read(0, 60) for record in silence(what, 1).records]).ravel()
+    number, spread = elsewhere / (1 - elsewhere), elsewhere / (1 - elsewhere) ** 2
+    assert_mean(values, 3 * number)
+    assert_mean(values**2, 1 + 9 * spread + (3 * number) ** 2)
 
 
 def test_geojson_of_tracks(result: Result, tmp_path: Path) -> None:

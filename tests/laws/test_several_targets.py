@@ -1,15 +1,24 @@
 """Laws of the tracker of several targets, on a small region with two arrays."""
 
+import dataclasses
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.sensors.stations import EnergyScan
+from faintrack.likelihoods.beam_energies import ELSEWHERE, BeamEnergies
+from faintrack.sensors.stations import EnergyScan, Fans, Stations
+from faintrack.simulation.energies import draw_energies
 from faintrack.trackers.several import SeveralEstimate
-from tests.region import SCANS, paths, scans, tracker
+from tests.region import BEAM, SCANS, paths, scans, tracker
 
 TWO = paths((-200.0, -150.0, 3.0, 2.0), (250.0, 200.0, -3.0, -1.0))
+"""Their beams cross otherwise in two places of the region, which move as steadily."""
+
+CLEAR = paths((-300.0, 300.0, 2.5, -1.0), (300.0, -300.0, -2.5, 1.0))
+"""Of the other two crossings one is behind an array, or farther than 2 km: there is one way to explain all beams."""
 
 
 OUTSIDE = (2000.0, 0.0, -2.0, 1.0)
@@ -23,7 +32,7 @@ def follow(data: EnergyScan, slots: int = 4, seed: int = 0, surroundings: float 
 
 @pytest.fixture(scope="module")
 def found() -> SeveralEstimate:
-    return follow(scans(0, TWO))
+    return follow(scans(0, CLEAR))
 
 
 def test_both_targets_are_declared_once_each_and_followed(found: SeveralEstimate) -> None:
@@ -33,7 +42,7 @@ def test_both_targets_are_declared_once_each_and_followed(found: SeveralEstimate
     last = label[-1] > 0
     assert last.sum() == 2
     at = np.stack([found.mean.x[-1], found.mean.y[-1]], axis=-1)[last]
-    truth = np.stack([TWO.x[-1], TWO.y[-1]], axis=-1)
+    truth = np.stack([CLEAR.x[-1], CLEAR.y[-1]], axis=-1)
     nearest = np.linalg.norm(at[:, None] - truth, axis=-1)
     assert sorted(nearest.argmin(axis=1)) == [0, 1]
     assert nearest.min(axis=1).max() < 45
@@ -56,7 +65,7 @@ def test_probabilities_stay_probabilities(found: SeveralEstimate) -> None:
 
 
 def test_same_key_same_bits(found: SeveralEstimate) -> None:
-    again = follow(scans(0, TWO))
+    again = follow(scans(0, CLEAR))
     for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True):
         assert jnp.array_equal(one, other, equal_nan=True)
 
@@ -105,3 +114,70 @@ def test_a_target_that_comes_into_the_region_is_a_track_from_then_on() -> None:
     assert set(np.unique(after.label)) == {0, 1}
     assert np.asarray(after.mean.x)[np.asarray(after.label) == 1].max() <= 400
     assert np.asarray(after.label)[-1].max() == 1
+
+
+def test_a_target_that_leaves_and_one_that_comes_are_two_tracks() -> None:
+    """The first is gone after six scans, the second has its label once it has been in hand for ten."""
+    number = np.arange(1, SCANS + 1)
+    after = follow(scans(4, TWO, np.stack([number <= 18, number > 18], axis=1)))
+    label = np.asarray(after.label)
+    assert set(np.unique(label)) == {0, 1, 2}
+    assert not (label[24:] == 1).any()
+    assert not (label[:28] == 2).any()
+    for one, target in ((1, 0), (2, 1)):
+        scan, slot = np.nonzero(label == one)
+        there = (scan < 18) if target == 0 else scan >= 18
+        apart = np.hypot(after.mean.x[scan, slot] - TWO.x[scan, target], after.mean.y[scan, slot] - TWO.y[scan, target])
+        assert apart[there].mean() < 45
+
+
+def test_a_beam_shared_in_one_array_does_not_stop_detection() -> None:
+    """The second comes after the first is declared, in the same beam of the southern array, 450 m behind it."""
+    truth = paths((0.0, -200.0, 0.0, 0.0), (0.0, 250.0, 0.0, 0.0))
+    there = np.stack([np.ones(SCANS, bool), np.arange(SCANS) >= 15], axis=1)
+    after = follow(scans(5, truth, there))
+    last = np.asarray(after.label[-1]) > 0
+    assert last.sum() == 2
+    np.testing.assert_allclose(np.sort(after.mean.y[-1][last]), [-200, 250], atol=45)
+    assert np.abs(after.mean.x[-1][last]).max() < 45
+
+
+def test_targets_that_cannot_be_told_from_their_crossings_are_undecided() -> None:
+    """What is undecided has been in hand for ten scans, is no track, and has an existence between both thresholds."""
+    after = follow(scans(0, TWO))
+    undecided, existence = np.asarray(after.undecided), np.asarray(after.existence)
+    assert undecided.any()
+    assert not (undecided & (np.asarray(after.label) > 0)).any()
+    assert np.all((existence[undecided] >= 0.1) & (existence[undecided] < 0.99))
+    assert np.all(existence[:-9][undecided[9:]] > 0)
+
+
+@pytest.mark.slow
+def test_an_array_more_never_delays_a_target() -> None:
+    """Faint targets, two deviations loud, on the same 24 paths: two standard errors are allowed from array to array."""
+    stations = [(0.0, -500.0, math.pi / 2), (-500.0, 0.0, 0.0), (500.0, 0.0, 0.0), (0.0, 500.0, math.pi / 2)]
+    starts = np.random.default_rng(0).uniform((-250, -250, -3, -3), (250, 250, 3, 3), (24, 4))
+    first = np.stack([_in_hand(stations[:count], starts) for count in (2, 3, 4)])
+    later = np.diff(first, axis=0)
+    assert np.all(later.mean(axis=1) <= 2 * later.std(axis=1, ddof=1) / math.sqrt(24))
+    sooner = first[0] - first[2]
+    assert sooner.mean() > 2 * sooner.std(ddof=1) / math.sqrt(24)
+
+
+def _in_hand(stations: list[tuple[float, float, float]], starts: np.ndarray) -> np.ndarray:
+    """Scan in which each of several lone targets is in hand for the first time; all of them where never."""
+    count = len(stations)
+    fans = Fans((0.0,) * count, (BEAM,) * count, (37,) * count, (True,) * count)
+    model = BeamEnergies(fans, present_mean=2.0, elsewhere=ELSEWHERE)
+    what = dataclasses.replace(tracker(), trackers=dataclasses.replace(tracker().trackers, likelihood=model))
+    where = Stations(*(jnp.array(values) for values in zip(*stations, strict=True)))
+    noise = dataclasses.replace(model, elsewhere=0.0)
+    first = []
+    for run, start in enumerate(starts):
+        truth, key = paths(tuple(start)), jax.random.key(run)
+        data = draw_energies(key, noise, jnp.arange(1.0, SCANS + 1), where, truth, jnp.ones(truth.x.shape, bool))
+        after = what.steps(what.init(key), data, key)[1]
+        off = np.hypot(after.mean.x - truth.x, after.mean.y - truth.y)
+        held = ((np.asarray(after.existence) > 0) & (off < 100)).any(axis=1)
+        first.append(np.argmax(held) if held.any() else SCANS)
+    return np.array(first, float)

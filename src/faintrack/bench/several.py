@@ -15,7 +15,7 @@ from faintrack.bench.grids import once_over
 from faintrack.bench.machine import Machine
 from faintrack.bench.rows import Row, row, timed
 from faintrack.bench.sizes import Sizes
-from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.likelihoods.beam_energies import ELSEWHERE, BeamEnergies
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.targets.states import PlanarState
 from faintrack.trackers.several import SeveralTargetsTracker, region_tracker
@@ -89,7 +89,7 @@ def problem(
     width = cell * places * (1 + 0.7 * (detectors[0] - 1))
     fans = Fans((0.0, 0.0), (BEAM, BEAM), (181, 181), (True, True))
     tracker = region_tracker(
-        BeamEnergies(fans, 0.0, 1.0, 3.0, 1.0),
+        BeamEnergies(fans, 0.0, 1.0, 3.0, 1.0, ELSEWHERE),
         (0.0, width),
         (200.0, 200.0 + width),
         detectors,

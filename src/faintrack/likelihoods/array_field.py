@@ -68,12 +68,15 @@ class ArrayField(eqx.Module):
     spectra : :math:`G^{-1} z`.
     energy : E.
     dimensions : :math:`M'`.
+    power, gain : P and w of every beam, where they have been worked out already.
     """
 
     columns: Complex[Array, "*scan frequency column channel"]
     spectra: Complex[Array, "*scan snapshot frequency channel"]
     energy: Float[Array, "*scan frequency"]
     dimensions: Float[Array, "*scan frequency"]
+    power: Float[Array, "*scan frequency bearing"] | None = None
+    gain: Float[Array, "*scan frequency bearing"] | None = None
 
 
 class Sources(eqx.Module):
@@ -191,6 +194,8 @@ def beams_beside(
 ) -> tuple[Float[Array, "frequency bearing"], Float[Array, "frequency bearing"]]:
     """P and w of every beam of a scan with a field."""
     field = scan.field
+    if field.power is not None:
+        return field.power, field.gain
     alone = ~jnp.any(field.columns.real != 0)
 
     def taken(columns: Complex[Array, "column frequency channel"]) -> Float[Array, "frequency bearing"]:
@@ -203,6 +208,12 @@ def beams_beside(
     gain = scan.channels - jnp.sum(jax.lax.map(taken, stacked), axis=0)
     power = jax.lax.cond(alone, lambda: scan.beam_power, lambda: beamformer.beam_power(field.spectra[None])[0])
     return power, jnp.maximum(gain, 0)
+
+
+def with_beams(beamformer: Beamformer, scan: BeamScan) -> BeamScan:
+    """Scan with P and w of every beam worked out."""
+    power, gain = jax.lax.optimization_barrier(beams_beside(beamformer, scan))
+    return dataclasses.replace(scan, field=dataclasses.replace(scan.field, power=power, gain=gain))
 
 
 def coherence(grid: BeamGrid, bearing: Float[Array, " source"], dtype: Any) -> Float[Array, "source bearing"]:

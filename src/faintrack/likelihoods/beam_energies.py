@@ -19,21 +19,38 @@ and several have (eq. 28)
 with :math:`n_i` of them in beam i. All of it is read from one table a scan, the log ratio of every beam for every
 number of targets.
 
-A **region** that is searched knows of energy from outside: a target elsewhere, heard by some arrays, is no target here.
-Absence then is a composite hypothesis (eq. 18, for two arrays), and the ratio compares presence with the best of it:
+A **region** that is searched knows of energy from outside: a source elsewhere, which some arrays hear, is no target
+here. The paper takes the best explanation of two arrays by such sources for absence (eq. 18); taken over all sets of
+arrays only the weakest array would count, and one more would find a target later. As Bayes has it, a beam holds k
+sources from elsewhere with the probability :math:`(1 - e) e^k`, as loud as targets and independent of all others, and n
+targets in it have the density
 
-.. math::
-    \ell_R(z|x) = \frac{\prod_j p_{1j}}{\max_{S \ne \text{all}} \prod_{j \in S} p_{1j} \prod_{j \notin S} p_{0j}},
-    \qquad
-    \log \ell_R = \sum_j \min(\lambda_j, 0) + \max(\min_j \lambda_j, 0)
+.. math:: \bar p_n = \sum_{k \ge 0} (1 - e) \, e^k \, p_{n + k}
 
-with :math:`\lambda_j = \log p_{1j} / p_{0j}`: the evidence of absence in full, or the weakest of presence. The second
-form holds for any number of arrays, S being any set of arrays but all that hear the place. Its mean without a
-target is below 1: it is careful by construction. What one of several arrays hears alone counts against a target only;
-an array by itself has nobody to ask, and its ratio is that of eq. 15.
+in place of :math:`p_n`, in every ratio above. For one target and at most one source that is
+:math:`((1 - e) p_1 + e p_2) / ((1 - e) p_0 + e p_1)`. Every array that hears the place adds its logarithm:
+
+.. math:: \lambda_j = \log \frac{\bar p_1(z_j[b_j(x)])}{\bar p_0(z_j[b_j(x)])}, \qquad \log \ell_R = \sum_j \lambda_j
+
+What follows from it, and can be repeated:
+
+- The mean of a beam's ratio over :math:`\bar p_0`, the energies without a target, is :math:`\int \bar p_1 = 1`; over
+  noise alone, without a source from elsewhere, it is below :math:`1 / (1 - e)`, as :math:`\bar p_0 \ge (1 - e) p_0`.
+- At a target the mean of every :math:`\lambda_j` is the divergence of :math:`\bar p_1` from :math:`\bar p_0`, which is
+  not negative: an array more is evidence more.
+- What a beam says for a target is bounded, since :math:`e \, \bar p_1 = \bar p_0 - (1 - e) p_0`:
+  :math:`\lambda_j \le \log 1 / e`, however loud it is. What it says against one is not.
+
+With e = 0 all of it is the paper's product. That is for an array by itself: whatever it hears is a target of its own.
+
+The model draws sources anew in every scan. One that **stays** in its beam explains all that a single array hears of a
+target as well as the target does, and the odds of the two remain what they were. So where one of several arrays hears a
+place alone, the ratio compares with the better of nothing and such a source, as eq. 18 does, and only counts against a
+target: :math:`\log \ell_R = \min(\lambda, 0)`.
 """
 
 import dataclasses
+import math
 from typing import Any
 
 import equinox as eqx
@@ -44,7 +61,16 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.errors import InputError
 from faintrack.numerics.precision import full_precision
-from faintrack.sensors.stations import EnergyScan, Fans
+from faintrack.sensors.stations import EnergyScan, Fans, Stations
+
+ELSEWHERE = 0.05
+"""Probability of a source from elsewhere in a beam of several arrays, where nothing else is known of it."""
+
+SOURCES = 4
+"""Sources from elsewhere in a beam, beside targets, up to which densities are summed."""
+
+MOST_ELSEWHERE = 0.2
+"""Probability of such a source at most: of more than `SOURCES` it is then below a thousandth."""
 
 Level = Float[Array, " array"] | Float[np.ndarray, " array"] | float
 
@@ -57,10 +83,12 @@ class BeamEnergies(eqx.Module):
     fans : beams of every array.
     absent_mean, absent_std : of the energy of a beam without a target; unit of the energies.
     present_mean, present_std : with one; the mean above, the standard deviation not below that without.
+    elsewhere : probability that a beam holds a source that is no target of the region, and of each further one; 0 to
+        `MOST_ELSEWHERE`. Sums over them end at `SOURCES`.
 
     Raises
     ------
-    InputError : standard deviations not above 0, or a target that is not louder than none.
+    InputError : standard deviations not above 0, a target that is not louder than none, a probability beyond those.
 
     Examples
     --------
@@ -82,8 +110,14 @@ class BeamEnergies(eqx.Module):
     absent_std: Level = 1.0
     present_mean: Level = 2.0
     present_std: Level = 1.0
+    elsewhere: float = eqx.field(static=True, default=0.0)
 
     def __check_init__(self) -> None:
+        if not 0 <= self.elsewhere <= MOST_ELSEWHERE:
+            raise InputError(
+                f"beam energies: a beam holds a source from elsewhere with probability {self.elsewhere:g}; expected 0 "
+                f"to {MOST_ELSEWHERE:g}."
+            )
         values = [np.asarray(getattr(self, name), float) for name in LEVELS if _known(getattr(self, name))]
         if len(values) < len(LEVELS):
             return
@@ -100,11 +134,13 @@ class BeamEnergies(eqx.Module):
             )
 
     def table(self, scan: EnergyScan, most: int = 1) -> Float[Array, "array beam number"]:
-        """Natural log of p_n / p_0 of every beam for n from 0 to `most` targets; 0 where it is not usable.
+        """Natural log of the ratio of every beam for n targets to none, n from 0 to `most`; 0 where it is not usable.
 
-        One beam more than the fans have stands last: it says nothing, and is where number -1 points.
+        Both densities are those with sources from elsewhere. One beam more than the fans have stands last: it says
+        nothing, and is where number -1 points.
         """
-        number = jnp.arange(most + 1)
+        sources = SOURCES if self.elsewhere else 0
+        number = jnp.arange(most + sources + 1)
         mean, std, one_mean, one_std = (
             jnp.reshape(jnp.asarray(getattr(self, name), scan.energy.dtype), (-1, 1, 1)) for name in LEVELS
         )
@@ -112,12 +148,17 @@ class BeamEnergies(eqx.Module):
         off = scan.energy[:, :, None] - mean
         excess = off - number * (one_mean - mean)
         log_density = -0.5 * (excess**2 / variance + jnp.log(variance))
+        log_density = log_density - log_density[:, :, :1]
+        if self.elsewhere:
+            # Times e^n it is the sum of e^i p_i over i from n on, which ends at one i for all n: so the bound holds.
+            step = number * math.log(self.elsewhere)
+            log_density = (jax.lax.cumlogsumexp(log_density + step, axis=2, reverse=True) - step)[:, :, : most + 1]
         ratio = jnp.where(scan.usable[:, :, None], log_density - log_density[:, :, :1], 0)
         return jnp.pad(ratio, ((0, 0), (0, 1), (0, 0)))
 
     @eqx.filter_jit
     def log_ratio(self, scan: EnergyScan, states: Any) -> Float[Array, "..."]:
-        """Natural log of p(energies | target at state) / p(energies | no target); eq. 15.
+        """Natural log of p(energies | target at state) / p(energies | no target); eq. 15, with the module's densities.
 
         Parameters
         ----------
@@ -126,10 +167,32 @@ class BeamEnergies(eqx.Module):
         """
         return jnp.sum(in_beams(self.table(scan)[:, :, 1], self.fans.beams(scan.stations, states)), axis=0)
 
+    def mean_log_ratio(self) -> Float[Array, " array"]:
+        """Mean natural log of the ratio of a beam that holds a target and no other source: what a scan adds, by array.
+
+        Examples
+        --------
+        >>> fans = Fans((0.0,), (0.1,), (10,), (True,))
+        >>> [round(float(BeamEnergies(fans, present_mean=3.0, elsewhere=e).mean_log_ratio()[0]), 2) for e in (0, 0.03)]
+        [4.5, 2.55]
+        """
+        steps = jnp.linspace(-8.0, 8.0, 1601)
+        mean, std = (jnp.reshape(jnp.asarray(getattr(self, name)), (-1, 1)) for name in ("present_mean", "present_std"))
+        energy = jnp.broadcast_to(mean + std * steps, (self.fans.arrays, len(steps)))
+        none = jnp.zeros(self.fans.arrays)
+        scan = EnergyScan(jnp.array(0.0), energy, jnp.ones(energy.shape, bool), Stations(none, none, none))
+        density = jax.nn.softmax(-0.5 * steps**2)
+        return jnp.sum(density * self.table(scan)[:, :-1, 1], axis=1)
+
     def energies(self, targets: Int[Array, "*scan array beam"], key: PRNGKeyArray) -> Float[Array, "*scan array beam"]:
-        """Draw the energy of every beam, given the number of targets in it."""
+        """Draw the energy of every beam, given the number of targets in it; sources from elsewhere come to it."""
+        for_noise, for_sources = jax.random.split(key)
+        if self.elsewhere:
+            draw = jax.random.uniform(for_sources, (targets.size,), minval=jnp.finfo(jnp.float32).tiny)
+            sources = jnp.floor(jnp.log(draw) / math.log(self.elsewhere)).astype(targets.dtype)
+            targets = targets + sources.reshape(targets.shape)
         mean, std, one_mean, one_std = (jnp.reshape(jnp.asarray(getattr(self, name)), (-1, 1)) for name in LEVELS)
-        noise = jax.random.normal(key, (targets.size,)).reshape(targets.shape)
+        noise = jax.random.normal(for_noise, (targets.size,)).reshape(targets.shape)
         return mean + targets * (one_mean - mean) + jnp.sqrt(std**2 + targets * (one_std**2 - std**2)) * noise
 
     def simulate(self, scan: EnergyScan, states: Any, present: Bool[Array, ""] | bool, key: PRNGKeyArray) -> EnergyScan:
@@ -160,7 +223,7 @@ def in_beams(values: Float[Array, "array beam"], beams: Int[Array, "array *point
 def region_log_ratio(
     ratios: Float[Array, "array *points"], heard: Bool[Array, "array *points"]
 ) -> Float[Array, "*points"]:
-    r"""Log ratio for a region that energy from outside reaches (the module's last equation; kreucher2011, eq. 18).
+    r"""Log ratio for a region: summed over the arrays, and not above 0 where only one of several hears the place.
 
     Parameters
     ----------
@@ -169,14 +232,44 @@ def region_log_ratio(
 
     Examples
     --------
-    >>> both = jnp.ones((2, 3), bool)
-    >>> region_log_ratio(jnp.array([[3.0, 3.0, -3.0], [1.0, -1.0, -1.0]]), both).tolist()
-    [1.0, -1.0, -4.0]
+    >>> heard = jnp.array([[True, True, True], [True, True, False]])
+    >>> region_log_ratio(jnp.array([[3.0, 3.0, 3.0], [1.0, -4.0, -4.0]]), heard).tolist()
+    [4.0, -1.0, 0.0]
     """
-    ratios = jnp.where(heard, ratios, 0)
-    weakest = jnp.min(jnp.where(heard, ratios, jnp.inf), axis=0)
-    together = (jnp.sum(heard, axis=0) >= min(2, len(ratios))) & (weakest > 0)
-    return jnp.sum(jnp.minimum(ratios, 0), axis=0) + jnp.where(together, weakest, 0)
+    total = jnp.sum(jnp.where(heard, ratios, 0), axis=0)
+    return jnp.where(jnp.sum(heard, axis=0) >= min(2, len(ratios)), total, jnp.minimum(total, 0))
+
+
+def beside(
+    table: Float[Array, "array beam number"], shares: Float[Array, "target array beam"]
+) -> Float[Array, "array beam"]:
+    r"""Natural log of the ratio of every beam for one target more, beside targets that may be in it.
+
+    With :math:`P(n)` the probability that n of them are in a beam, independent of each other,
+
+    .. math:: \log \frac{\sum_n P(n) \, \bar p_{n+1}}{\sum_n P(n) \, \bar p_n}
+
+    Parameters
+    ----------
+    table : `BeamEnergies.table`; of one target more than there are.
+    shares : probability that each is in each beam.
+
+    Examples
+    --------
+    >>> table = jnp.array([[[0.0, 2.0, 0.0]]])
+    >>> [round(float(beside(table, jnp.full((1, 1, 1), share))[0, 0]), 2) for share in (0.0, 1.0)]
+    [2.0, -2.0]
+    """
+    most = table.shape[2] - 1
+
+    def joined(number: Array, share: Array) -> tuple[Array, None]:
+        one_more = jnp.pad(number[..., :-1], ((0, 0), (0, 0), (1, 0)))
+        return number * (1 - share[..., None]) + one_more * share[..., None], None
+
+    none = jnp.zeros((*table.shape[:2], most), table.dtype).at[..., 0].set(1)
+    log_number = jnp.log(jax.lax.scan(joined, none, shares)[0])
+    with_it = jax.nn.logsumexp(log_number + table[..., 1:], axis=2)
+    return with_it - jax.nn.logsumexp(log_number + table[..., :-1], axis=2)
 
 
 @full_precision
@@ -222,11 +315,10 @@ def set_log_ratio(
 ) -> Float[Array, " particle"]:
     r"""Log ratio of particles for a set of targets, in a region that energy from outside reaches.
 
-    Beside targets that are there, the energy of a beam speaks for the n members in it together, and each has an even
-    share of the ratio. What array j says for a group is the sum over its members, :math:`\lambda_j`, and the set has
-    the sum of :math:`\log \ell_R` over its groups (the module's last equation). So two sets that explain the same
-    beams, two targets or the two places where their beams cross otherwise, have the same ratio; a set of one target has
-    that of `region_log_ratio`.
+    Beside targets that are there, the energy of a beam speaks for the members in it together, and every beam counts
+    once: each member has an even share of the ratio of its beams, and its shares are summed as by `region_log_ratio`.
+    So two sets that explain the same beams, two targets or the two places where their beams cross otherwise, have the
+    same ratio; a set of one target has that of `region_log_ratio`.
 
     Parameters
     ----------
@@ -238,20 +330,15 @@ def set_log_ratio(
 
     Returns
     -------
-    log of p(z | X, targets that are there and members) / p(z | X, targets that are there), with the best explanation
-    without the members below the line.
+    log of p(z | X, targets that are there and members) / p(z | X, targets that are there).
     """
     same = (beams[:, :, None] == beams[:, None, :]) & joint[None, :, :, None]
     others = jnp.sum(same & there, axis=2)
     count = jnp.sum(same & members[:, None], axis=2)
     array = jnp.arange(table.shape[0])[:, None, None]
     ratio = table[array, beams, others + count] - table[array, beams, others]
-    shares = jnp.where(members[:, None], ratio / jnp.maximum(count, 1), 0)
-    within = (joint & members)[None, :, :, None]
-    together = jnp.sum(jnp.where(within, shares[:, None], 0), axis=2)
-    heard = jnp.any(within & (beams >= 0)[:, None], axis=2)
-    size = jnp.maximum(jnp.sum(within, axis=2), 1)[0]
-    return jnp.sum(jnp.where(members[:, None], region_log_ratio(together, heard) / size, 0), axis=0)
+    each = region_log_ratio(ratio / jnp.maximum(count, 1), beams >= 0)
+    return jnp.sum(jnp.where(members[:, None], each, 0), axis=0)
 
 
 def _known(value: Any) -> bool:

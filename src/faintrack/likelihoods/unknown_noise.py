@@ -39,7 +39,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float, PRNGKeyArray
 
-from faintrack.likelihoods.array_field import alike, beams_beside, beside, sources_of, steered
+from faintrack.likelihoods.array_field import alike, beams_beside, beside, sources_of, steered, with_beams
 from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, neighbours, read_plane
 from faintrack.numerics.precision import full_precision
@@ -215,6 +215,11 @@ class UnknownNoise(eqx.Module):
         """Scan with other sources as part of its background, see `faintrack.likelihoods.array_field`."""
         assert self.beamformer is not None
         return beside(self.beamformer, scan, sources_of(states, log_weights, existence))
+
+    def prepared(self, scan: BeamScan) -> BeamScan:
+        """Scan with what is asked of its beams again and again worked out."""
+        assert self.beamformer is not None
+        return with_beams(self.beamformer, scan)
 
     def alike(self, scan: BeamScan, states: BearingState, centres: BearingState) -> Bool[Array, "centre *points"]:
         """Which states are one source to the array with those of the centres."""

@@ -24,10 +24,15 @@ believed of whole sets e of tentative targets (`faintrack.trackers.hypotheses`),
 
 .. math:: \frac{p(z|e)}{p(z|\emptyset)} = \frac{1}{P} \sum_p \ell_R(z|X_p, e)
 
-where each target's places are drawn from its particles, and :math:`\ell_R` compares with the best explanation without
-the set, energy from outside the region that one array hears (`faintrack.likelihoods.beam_energies.set_log_ratio`):
-where the beam of a target in hand crosses one of nobody's, one array speaks for a ghost and the other against it, and
-the other counts.
+where each target's places are drawn from its particles, and :math:`\ell_R` is the ratio of a region
+(`faintrack.likelihoods.beam_energies.set_log_ratio`): what a beam says for a target is bounded, since a source from
+elsewhere would say it too, and what it says against one is not. So where the beam of a target in hand crosses one of
+nobody's, the array that speaks against the ghost outweighs the one that speaks for it.
+
+Members that share no beam are independent, and the mean is the product of theirs, each over all particles of its
+target. So that is what is taken, times what sharing makes of it: the mean over joint states of fewer particles, over
+that of the products. Their errors cancel, which would otherwise walk off with the odds of two sets that explain the
+same beams.
 
 **Coupled partitions** propose the particles (Kreucher, Kastella and Hero 2005): one member after the other, each joint
 state draws several places to move to, and takes one with the probability that the scan gives it beside the other
@@ -47,7 +52,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.belief import covariance, mean, update
-from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, set_log_ratio
+from faintrack.likelihoods.beam_energies import BeamEnergies, occupied_log_ratios, region_log_ratio, set_log_ratio
 from faintrack.likelihoods.within import REFUTED
 from faintrack.numerics.draws import normal, uniform
 from faintrack.numerics.precision import full_precision
@@ -149,22 +154,31 @@ class JointTrackers(eqx.Module):
         log_weights = jax.nn.log_softmax(beliefs.log_weights + correction, axis=1)
         predicted = dataclasses.replace(beliefs, states=states, log_weights=log_weights)
 
+        beyond = self._beyond(states)
+        exists, explains = exists & (beyond == 0), explains & (beyond == 0)
+
         def updated(there: Array) -> Beliefs:
             without, own = occupied_log_ratios(table, beams, there, joint)
             log_ratio = without + jnp.sum(own, axis=0)
             log_ratio = log_ratio - jax.nn.logsumexp(log_weights + without, axis=1, keepdims=True)
-            log_ratio = log_ratio + self._beyond(states)
+            log_ratio = log_ratio + beyond
             return predicted.changed(lambda belief, log_ratio: update(belief, log_ratio)[0], log_ratio)
 
         whether, where = updated(exists), updated(explains)
         few = self._paired(log_weights, joint & declared & declared[:, None], for_there)
         at = jnp.take_along_axis(beams, few[None], axis=2)
-        certain, beyond = (jnp.take_along_axis(each, few, axis=1) for each in (explains, self._beyond(states)))
+        certain, past = (jnp.take_along_axis(each, few, axis=1) for each in (explains, beyond))
+        own = occupied_log_ratios(table, beams, explains, joint)[1]
+        alone = region_log_ratio(own, beams >= 0) + beyond
+        single = jax.nn.logsumexp(log_weights + alone, axis=1)
+        few_alone = jnp.take_along_axis(alone, few, axis=1)
 
         def evidence(members: Array) -> Array:
             ratio = set_log_ratio(table, at, certain, members, joint)
-            ratio = ratio + jnp.sum(jnp.where(members[:, None], beyond, 0), axis=0)
-            return jax.nn.logsumexp(ratio) - jnp.log(ratio.size)
+            ratio = ratio + jnp.sum(jnp.where(members[:, None], past, 0), axis=0)
+            apart = jnp.sum(jnp.where(members[:, None], few_alone, 0), axis=0)
+            shared = jax.nn.logsumexp(ratio) - jax.nn.logsumexp(apart)
+            return jnp.sum(jnp.where(members, single, 0)) + shared
 
         hypotheses = hypotheses.updated(evidence)
         log_odds = jnp.where(tentative, hypotheses.log_odds, whether.log_odds)
@@ -202,6 +216,26 @@ class JointTrackers(eqx.Module):
     def middles(self, followed: Followed) -> Any:
         """Mean state of every slot."""
         return followed.beliefs.each(mean)
+
+    def shares(
+        self, followed: Followed, scan: EnergyScan, among: Bool[Array, " slot"]
+    ) -> Float[Array, "slot array beam"]:
+        """Probability that each target is in each beam; 0 of those that are not asked about.
+
+        Parameters
+        ----------
+        followed : targets in hand.
+        scan : says where the arrays are.
+        among : slots that are asked about.
+        """
+        fans, beliefs = self.likelihood.fans, followed.beliefs
+        beams = fans.beams(scan.stations, beliefs.states)
+        weights = jnp.exp(beliefs.log_weights) * (beliefs.existence * among)[:, None]
+        array, slot = jnp.arange(fans.arrays)[:, None, None], jnp.arange(self.slots)[:, None]
+        # What is heard in no beam falls into the one more that stands last.
+        none = jnp.zeros((self.slots, fans.arrays, fans.most + 1), weights.dtype)
+        # Weights rounded each may come to a little more than 1.
+        return jnp.minimum(none.at[slot, array, beams].add(weights), 1)
 
     def _beyond(self, states: Any) -> Float[Array, "..."]:
         """Log ratio of states to be there at all: 0, or `REFUTED` beyond the limits."""

@@ -30,7 +30,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from faintrack.beliefs.belief import Belief, moments, update
 from faintrack.filters.run import Filter
 from faintrack.filters.tempered import tempered
-from faintrack.likelihoods.protocols import Proposing, Sighted, Zooming, log_ratios
+from faintrack.likelihoods.protocols import Preparing, Proposing, Sighted, Zooming, log_ratios
 from faintrack.numerics.draws import uniform
 from faintrack.numerics.resampling import systematic
 from faintrack.targets.silence import Silence
@@ -305,6 +305,8 @@ class ManyTargetsTracker(eqx.Module):
     ) -> tuple[Belief, Float[Array, ""]]:
         """Belief about a target that is not in hand, after a scan; what is new in hand is cut out of it."""
         scan = self._beside(scan, hand, hand.heard_existence)
+        if isinstance(self.likelihood, Preparing):
+            scan = self.likelihood.prepared(scan)
         guided = self.guided and isinstance(self.likelihood, Proposing)
         guide = {"guide": partial(self.likelihood.propose, scan)} if guided else {}
         predicted = self.filter.predict(sought, scan.time, key, **guide)

@@ -4,14 +4,17 @@ Every scan goes first to the targets that are in hand (`faintrack.trackers.joint
 region (`faintrack.trackers.detectors`), which leave out what is explained already (eq. 34-36):
 
 - near a target in hand, in the same beams of every array or their neighbours, a scan says nothing to a detector;
-- in a beam of a declared target, it can only say that there is none: what explains the energy is known.
+- in a beam of a declared target, it says whether there is one more (`faintrack.likelihoods.beam_energies.beside`);
+- in the beams next to it, which a target raises too, it can only say that there is none.
 
-The second rule is what keeps **ghosts** away, places where the beams of two targets cross. Before any target is
-declared a ghost looks like one, and may be handed over; but once both of its targets are declared, their beams are
-explained without it, and it dies. So a target that has been handed over is tentative: it is declared, and labelled,
-when it has lasted for some scans and its existence is above a threshold, in spite of all other sets of tentative
-targets (`faintrack.trackers.hypotheses`). It is dropped when its existence falls below a lower one; a tentative one
-only if its slot may be needed.
+The second rule is what keeps **ghosts** away, places where the beams of two targets cross: the energy of one target
+speaks against a second. Before any target is declared a ghost looks like one, and may be handed over; but once both of
+its targets are declared, their beams are explained without it, and it dies. So a target that has been handed over is
+tentative: it is declared, and labelled, when it has lasted for some scans and its existence is above a threshold, in
+spite of all other sets of tentative targets (`faintrack.trackers.hypotheses`). A declared one is dropped when its
+existence falls below a lower threshold; a tentative one is kept until next to nothing speaks for it, or a target is
+found and no slot is free. Two arrays may never tell two targets from their ghosts: these are undecided, and said to be
+so.
 
 Where the surroundings of a region are watched, targets there are found, tentative, declared and explain energy like all
 others. They have a label as long as they are in the region.
@@ -19,6 +22,7 @@ others. They have a label as long as they are in the region.
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -32,7 +36,7 @@ from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
 from faintrack.filters.adi import alternating_directions, steps_within
 from faintrack.filters.grid import GridFilter
-from faintrack.likelihoods.beam_energies import BeamEnergies, in_beams, region_log_ratio
+from faintrack.likelihoods.beam_energies import BeamEnergies, beside, in_beams, region_log_ratio
 from faintrack.sensors.stations import EnergyScan
 from faintrack.targets.motion import BearingMotion, PlanarMotion
 from faintrack.targets.states import BearingState
@@ -56,6 +60,7 @@ class Watching(eqx.Module):
     label : of each slot; 0 where it is not declared, `OUTSIDE` where it is and has not been in the region since.
     labels : given so far.
     scans : taken in so far.
+    full : whether a target was found in the last one, and there was no free slot.
     """
 
     beliefs: tuple[Beliefs, ...]
@@ -64,6 +69,7 @@ class Watching(eqx.Module):
     label: Int[Array, " slot"]
     labels: Int[Array, ""]
     scans: Int[Array, ""]
+    full: Bool[Array, ""]
 
 
 class SeveralEstimate(eqx.Module):
@@ -79,6 +85,9 @@ class SeveralEstimate(eqx.Module):
     covariance : of its components in their order.
     joint : whether a target was updated together with another.
     full : a target was found, and there was no free slot.
+    undecided : whether the target in a slot has been in hand for `hold` scans and can be neither declared nor given up,
+        its existence being between `drop` and `declare`: as two arrays cannot tell targets from the places where their
+        beams cross otherwise, where these move as steadily.
     """
 
     time: Float[Array, "*scan"]
@@ -89,6 +98,7 @@ class SeveralEstimate(eqx.Module):
     covariance: Float[Array, "*scan slot component component"]
     joint: Bool[Array, "*scan slot"]
     full: Bool[Array, "*scan"]
+    undecided: Bool[Array, "*scan slot"]
 
 
 class SeveralTargetsTracker(eqx.Module):
@@ -100,9 +110,10 @@ class SeveralTargetsTracker(eqx.Module):
     detect : probability of a detector at which it hands over.
     declare : existence at which a target is declared, once it has been in hand for `hold` scans.
     drop : existence below which a target is given up.
-    doubt : the same of a tentative one as long as a slot is free: its turn may come with a target that is found later.
+    doubt : the same of a tentative one, whose turn may come with a target that is found later. Only where one is found
+        and no slot is free, the least likely one below `drop` is given up.
     hold : scans that a target is tentative at least.
-    margin : beams around those of a target that it explains.
+    margin : beams on either side of a target's own that it raises too.
     outside : watches the region and its surroundings; targets outside explain energy and are followed, without a label.
     """
 
@@ -127,7 +138,7 @@ class SeveralTargetsTracker(eqx.Module):
         none = jnp.zeros(slots, jnp.int32)
         beliefs = tuple(watch.init(key) for watch in self.watches)
         followed = self.trackers.init(self.detectors.filter.grid.states(beliefs[0].log_weights.dtype))
-        return Watching(beliefs, followed, none, none, jnp.array(0), jnp.array(0))
+        return Watching(beliefs, followed, none, none, jnp.array(0), jnp.array(0), jnp.array(False))
 
     def step(self, watching: Watching, scan: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
         """Take in one scan. `key` is that of the whole record; each scan makes its own from it."""
@@ -135,8 +146,12 @@ class SeveralTargetsTracker(eqx.Module):
         declared = watching.label != 0
         followed = self.trackers.step(watching.followed, scan, declared, for_trackers)
         held = followed.active
-        lowest = jnp.where(declared | jnp.all(held), self.drop, self.doubt)
-        kept = held & (followed.beliefs.existence >= lowest)
+        existence = followed.beliefs.existence
+        kept = held & (existence >= jnp.where(declared, self.drop, self.doubt))
+        # A full tracker that was to take a target in gives up its least likely one, if that is likely not to exist.
+        tentative = jnp.where(kept & ~declared, existence, jnp.inf)
+        least = (jnp.arange(held.size) == jnp.argmin(tentative)) & (tentative < self.drop)
+        kept = kept & ~(least & watching.full & jnp.all(kept))
         followed = dataclasses.replace(followed, active=kept)
         age = jnp.where(kept, watching.age + 1, 0)
         old = kept & declared
@@ -148,11 +163,10 @@ class SeveralTargetsTracker(eqx.Module):
         label = jnp.where(declared, jnp.where(new, watching.labels + jnp.cumsum(new), before), 0).astype(jnp.int32)
 
         beams = [self.trackers.likelihood.fans.beams(scan.stations, watch.points) for watch in self.watches]
+        log_ratios = self._unexplained(scan, beams, followed, declared)
         beliefs = tuple(
-            watch.update(
-                watch.predict(of, scan.time, for_detectors), self._unexplained(scan, at, middles, kept, declared)
-            )
-            for watch, of, at in zip(self.watches, watching.beliefs, beams, strict=True)
+            watch.update(watch.predict(of, scan.time, for_detectors), log_ratio)
+            for watch, of, log_ratio in zip(self.watches, watching.beliefs, log_ratios, strict=True)
         )
         found = jnp.max(jnp.concatenate([of.existence for of in beliefs])) >= self.detect
         estimate = SeveralEstimate(
@@ -164,6 +178,7 @@ class SeveralTargetsTracker(eqx.Module):
             followed.beliefs.each(covariance),
             kept & (jnp.sum(followed.joint & kept, axis=1) > 1),
             found & jnp.all(kept),
+            kept & ~declared & (age >= self.hold) & (followed.beliefs.existence >= self.drop),
         )
 
         def taken(beliefs: tuple[Beliefs, ...], followed: Followed) -> tuple[tuple[Beliefs, ...], Followed]:
@@ -175,7 +190,7 @@ class SeveralTargetsTracker(eqx.Module):
         wanted = found & ~jnp.all(kept)
         beliefs, followed = jax.lax.cond(wanted, taken, lambda *same: same, beliefs, followed)
         labels = watching.labels + new.sum()
-        return Watching(beliefs, followed, age, label, labels, watching.scans + 1), estimate
+        return Watching(beliefs, followed, age, label, labels, watching.scans + 1, estimate.full), estimate
 
     @eqx.filter_jit
     def steps(self, watching: Watching, scans: EnergyScan, key: PRNGKeyArray) -> tuple[Watching, SeveralEstimate]:
@@ -185,22 +200,25 @@ class SeveralTargetsTracker(eqx.Module):
     def _unexplained(
         self,
         scan: EnergyScan,
-        beams: Int[Array, "array *points"],
-        middles: Any,
-        held: Bool[Array, " slot"],
+        beams: Sequence[Int[Array, "array ..."]],
+        followed: Followed,
         declared: Bool[Array, " slot"],
-    ) -> Float[Array, "*points"]:
-        """Log ratio of a scan at the points of the detectors, less what targets in hand explain."""
+    ) -> list[Float[Array, "..."]]:
+        """Log ratio of a scan at the points of every kind of detector, beside what targets in hand explain."""
         likelihood = self.trackers.likelihood
-        ratios = likelihood.table(scan)[:, :, 1]
-        at = likelihood.fans.beams(scan.stations, middles)
-        number = jnp.arange(ratios.shape[1])
-        near = (jnp.abs(number - at[:, :, None]) <= self.margin) & (at >= 0)[:, :, None]
-        explained = jnp.any(near & declared[None, :, None], axis=1)
-        ratios = jnp.where(explained, jnp.minimum(ratios, 0), ratios)
-        log_ratio = region_log_ratio(in_beams(ratios, beams), beams >= 0)
-        own = jax.vmap(lambda middle, held: held & around(beams, middle, self.margin), in_axes=(1, 0))(at, held)
-        return jnp.where(jnp.any(own, axis=0), 0, log_ratio)
+        ratios = beside(likelihood.table(scan, self.trackers.slots + 1), self.trackers.shares(followed, scan, declared))
+        at = likelihood.fans.beams(scan.stations, self.trackers.middles(followed))
+        apart = jnp.abs(jnp.arange(ratios.shape[1]) - at[:, :, None])
+        near = (apart > 0) & (apart <= self.margin) & (at >= 0)[:, :, None]
+        raised = jnp.any(near & declared[None, :, None], axis=1)
+        ratios = jnp.where(raised, jnp.minimum(ratios, 0), ratios)
+
+        def at_points(beams: Array) -> Array:
+            held = jax.vmap(lambda middle, held: held & around(beams, middle, self.margin), in_axes=(1, 0))
+            own = jnp.any(held(at, followed.active), axis=0)
+            return jnp.where(own, 0, region_log_ratio(in_beams(ratios, beams), beams >= 0))
+
+        return [at_points(each) for each in beams]
 
 
 def region_tracker(

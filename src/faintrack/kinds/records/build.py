@@ -14,7 +14,7 @@ from faintrack.data.records import InStep
 from faintrack.errors import InputError
 from faintrack.kinds.records.data import Path
 from faintrack.kinds.records.sections import RecordsScenario, SeveralSection, StationSection
-from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.likelihoods.beam_energies import ELSEWHERE, BeamEnergies
 from faintrack.scenario.plane import Plane
 from faintrack.scenario.section import Pair
 from faintrack.sensors.array import SensorArray
@@ -236,10 +236,18 @@ def build_target(scenario: RecordsScenario) -> Target:
     return Target(None, PlanarMotion(velocity_noise(scenario)), table.arrival_rate, table.departure_rate)
 
 
+def elsewhere(scenario: RecordsScenario) -> float:
+    """Probability that a beam holds a source that is no target."""
+    given = scenario.energies.elsewhere
+    if given is not None:
+        return given
+    return ELSEWHERE if len(scenario.stations) > 1 else 0.0
+
+
 def build_likelihood(scenario: RecordsScenario, fans: Fans) -> BeamEnergies:
     """Likelihood of a scenario's energies."""
     (absent_mean, absent_std), (present_mean, present_std) = scenario.energies.levels
-    return BeamEnergies(fans, absent_mean, absent_std, present_mean, present_std)
+    return BeamEnergies(fans, absent_mean, absent_std, present_mean, present_std, elsewhere(scenario))
 
 
 def build_several(

@@ -54,6 +54,9 @@ def scans_dataset(
     data = data.assign(
         detection=_of("detector", estimates.detection, "1", "probability of a target in the detector"),
         joint=_of("slot", estimates.joint, "1", "whether the target was updated together with another"),
+        undecided=_of(
+            "slot", estimates.undecided, "1", "whether a target can be neither declared nor given up; see existence"
+        ),
         record=(
             ("time", "array", "beam"),
             np.clip(energy, -HALF, HALF).astype(np.float16),

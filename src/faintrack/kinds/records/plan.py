@@ -25,9 +25,11 @@ from faintrack.kinds.records.build import (
     build_plane,
     build_region,
     build_several,
+    elsewhere,
     particles_of,
     velocity_noise,
 )
+from faintrack.kinds.records.checks import about_evidence
 from faintrack.kinds.records.data import Records
 from faintrack.kinds.records.dataset import scans_dataset
 from faintrack.kinds.records.sections import RecordsScenario
@@ -117,7 +119,7 @@ def plan(data: Records, scenario: RecordsScenario) -> Plan:
         seed=scenario.filter.seed,
         plane=plane,
         within=_within(scenario, fans),
-        checks=(*checks, *_apart(together)),
+        checks=(*checks, *_apart(together), *about_evidence(tracker, together.interval)),
         remarks=remarks,
         limits=None if scenario.region is None else dict(zip("xy", build_region(scenario, plane), strict=True)),
     )
@@ -149,7 +151,9 @@ def _chosen(scenario: RecordsScenario, data: Records, arrays: Mapping[str, Senso
         table.model_copy(update={"array": describe(arrays[table.name])}) if isinstance(record, Recording) else table
         for table, record in zip(scenario.stations, data.records, strict=True)
     )
-    energies = scenario.energies.model_copy(update={"present": scenario.energies.levels[1]})
+    energies = scenario.energies.model_copy(
+        update={"present": scenario.energies.levels[1], "elsewhere": elsewhere(scenario)}
+    )
     several = scenario.several.model_copy(update={"particles": particles_of(scenario.several)})
     target = scenario.target
     if scenario.region is not None:

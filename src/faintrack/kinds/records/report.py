@@ -14,6 +14,7 @@ def about(result: Result) -> dict[str, str]:
     levels = result.scenario.energies.levels
     cells = " x ".join(str(count) for count in np.atleast_1d(data.attrs["cells"]))
     several = result.scenario.several
+    undecided = int(data.undecided.any("slot").sum())
     return {
         "records": str(data.attrs["source"]),
         "start": data.attrs["start_time"] or "not known",
@@ -30,7 +31,11 @@ def about(result: Result) -> dict[str, str]:
             *levels[0], *levels[1]
         )
         + (", in standard deviations above each scan's median" if result.scenario.energies.absent is None else ""),
+        "elsewhere": f"a beam holds a source that is no target with probability {result.scenario.energies.elsewhere:g}",
         "detectors": f"{data.sizes['detector']} of {cells} cells{wide}, up to {fastest}",
         "slots": f"{data.sizes['slot']}",
         "declared": f"at existence {several.declare:g}, {several.hold} scans in hand",
+        "undecided": "nothing"
+        if not undecided
+        else f"in {undecided} scans, targets that could be neither declared nor given up; see existence of each slot",
     } | ({} if region is None else {"ellipses": "3 standard deviations"})

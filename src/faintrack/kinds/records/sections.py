@@ -151,10 +151,13 @@ class EnergiesSection(Section):
         `faintrack.signal.energies`.
     present : mean and standard deviation with one target. Where not given the mean lies two standard deviations above
         that without, and the standard deviation is the same.
+    elsewhere : probability that a beam holds a source that is no target of the region. Where not given 0.05; 0 of an
+        array by itself, to which every source is a target.
     """
 
     absent: Pair | None = None
     present: Pair | None = None
+    elsewhere: float | None = Field(default=None, ge=0, le=0.2)
 
     @model_validator(mode="after")
     def _louder(self) -> "EnergiesSection":

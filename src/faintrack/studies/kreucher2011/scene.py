@@ -24,7 +24,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.beliefs.axis import Axis, between
-from faintrack.likelihoods.beam_energies import BeamEnergies
+from faintrack.likelihoods.beam_energies import ELSEWHERE, BeamEnergies
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.simulation.energies import draw_energies
 from faintrack.targets.motion import PlanarMotion
@@ -83,9 +83,9 @@ def stations() -> Stations:
     return Stations(jnp.array([0.0, 700.0]), jnp.zeros(2), jnp.full(2, math.pi / 2))
 
 
-def likelihood(level: Array | float = LEVEL) -> BeamEnergies:
+def likelihood(level: Array | float = LEVEL, elsewhere: float = 0.0) -> BeamEnergies:
     """Of beams with unit noise."""
-    return BeamEnergies(FANS, present_mean=jnp.reshape(jnp.asarray(level, float), (1,)))
+    return BeamEnergies(FANS, present_mean=jnp.reshape(jnp.asarray(level, float), (1,)), elsewhere=elsewhere)
 
 
 def tracker(
@@ -96,9 +96,9 @@ def tracker(
     region: tuple[tuple[float, float], tuple[float, float]] = REGION,
     detectors: tuple[int, int] = (4, 4),
 ) -> SeveralTargetsTracker:
-    """The paper's tracker, or that of another region."""
+    """The paper's tracker, or that of another region; it allows for sources from elsewhere, of which there are none."""
     return region_tracker(
-        likelihood(level),
+        likelihood(level, ELSEWHERE),
         *region,
         detectors=detectors,
         cells=CELLS,
