@@ -45,7 +45,7 @@ def test_result_folder_holds_what_it_should(tracked: Path) -> None:
         "tracks.csv",
     ]
     data = xr.open_zarr(result / "result.zarr", chunks=None)
-    assert data.sizes == {"time": 40, "slot": 1, "component": 3, "other": 3, "beam": 180}
+    assert data.sizes == {"time": 40, "slot": 7, "component": 3, "other": 3, "beam": 180}
     assert all("units" in data[name].attrs for name in [*data.data_vars, "time", "beam"])
     assert data.bearing.attrs["reference"] == "from the array axis"
     about = json.loads((result / "about.json").read_text())

@@ -11,9 +11,10 @@ Without a source in the background w is the number of channels, P the beam power
 source reads the same three numbers, and needs no other change.
 
 A source is not known exactly, and what is not known of a loud one hides a faint one beside it. So its covariance is
-averaged over what is believed of its bearing, by two directions a standard deviation to either side of the mean, and
-has the two patterns along the array that a snapshot of finite length leaves of it,
-:math:`d \circ \tau` and :math:`d \circ \tau^2` (`faintrack.signal.beamformer`). Its spectrum is not known either: the
+averaged over what is believed of its bearing, to second order by the pattern
+:math:`\omega \, s \, d \circ d\tau / d\psi` beside the wave itself, s the standard deviation; and has the two
+patterns along the array that a snapshot of finite length leaves of it, :math:`d \circ \tau` and
+:math:`d \circ \tau^2` (`faintrack.signal.beamformer`). Its spectrum is not known either: the
 level that is taken from it grows from four times its own where it is faint to all of it where it is loud,
 
 .. math:: L = 4 a (1 + M a) q ,
@@ -25,8 +26,8 @@ q its existence. Of M dimensions a frame then holds as many as expected under th
 Columns are taken in one by one (Sherman and Morrison): with :math:`u = G^{-1} b` and :math:`s = 1 + b^* u`, the
 inverse of :math:`G + b b^*` is :math:`G^{-1} - u u^* / s`.
 
-**Alike** are two directions whose steering vectors have a coherence :math:`|d^* d'|^2 / M^2` above one half, averaged
-over the band: sources so near each other are one to the array.
+**Alike** are two directions whose steering vectors have a coherence :math:`|d^* d'|^2 / M^2` above one quarter,
+averaged over the band: sources so near each other are one to the array.
 """
 
 import dataclasses
@@ -43,16 +44,26 @@ from faintrack.numerics.precision import full_precision
 from faintrack.numerics.trigonometry import sine_cosine
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan
+from faintrack.signal.array_background import NoiseModes
 from faintrack.signal.beamformer import Beamformer
 from faintrack.targets.states import BearingState
 
 COLUMNS = 4
-"""Of the covariance of one source: two directions, two patterns along the array."""
+"""Of the covariance of one source: the wave, what a turn adds, two patterns along the array."""
+
+TURN = 0.01
+"""Angle over which the delays are differentiated; radians."""
+
+MISPLACED = 0.1
+"""Phase that is not known at the end of an array and the top of the band, however well a bearing is; radians."""
+
+ROUNDED = 1e-5
+"""Share of a column below which it lies in the span of others, in single precision."""
 
 CURVATURE = 2 * np.pi**2 / 3
 """Of the correlation of Hann's window with itself, in units of its length."""
 
-COHERENT = 0.5
+COHERENT = 0.25
 """Coherence from which on two directions are alike."""
 
 BINS = 8
@@ -68,6 +79,7 @@ class ArrayField(eqx.Module):
     spectra : :math:`G^{-1} z`.
     energy : E.
     dimensions : :math:`M'`.
+    noise : that the sources stand in; white where None, otherwise :math:`G_0` takes the place of I.
     power, gain : P and w of every beam, where they have been worked out already.
     """
 
@@ -75,6 +87,7 @@ class ArrayField(eqx.Module):
     spectra: Complex[Array, "*scan snapshot frequency channel"]
     energy: Float[Array, "*scan frequency"]
     dimensions: Float[Array, "*scan frequency"]
+    noise: NoiseModes | None = None
     power: Float[Array, "*scan frequency bearing"] | None = None
     gain: Float[Array, "*scan frequency bearing"] | None = None
 
@@ -155,38 +168,70 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
 
     def taken_in(held: tuple[Array, ...], source: tuple[Array, ...]) -> tuple[Array, ...]:
         bearing, deviation, level, true, number = source
-        directions = jnp.stack([bearing + deviation, bearing - deviation, bearing])
+        directions = jnp.stack([bearing, bearing + TURN, bearing - TURN])
         vectors, delays = steered(array, frequency, directions)
-        vectors = vectors * used
-        lag = resolution * delays[2]
-        along = jnp.stack([jnp.sqrt(2 * CURVATURE) * lag, CURVATURE * (lag**2 - jnp.mean(lag**2))])
-        patterns = jnp.concatenate([vectors[:, :2] * 0.5**0.5, vectors[:, 2:] * along], axis=1) * jnp.sqrt(level)
+        middle, lag = vectors[:, 0] * used, resolution * delays[0]
+        turned = jnp.pi / TURN * frequency[:, None] * (delays[1] - delays[2])
+        # Positions are not known to less than this either.
+        least = MISPLACED / jnp.maximum(jnp.max(jnp.abs(turned)), jnp.finfo(dtype).tiny)
+        turned = jnp.sqrt(deviation**2 + least**2) * turned
+        # Beyond a lobe the direction is not known at all: the pattern is no larger than the wave itself.
+        turned = turned / jnp.maximum(jnp.max(jnp.abs(turned), axis=1, keepdims=True), 1)
+        shapes = jnp.stack([jnp.sqrt(2 * CURVATURE) * lag, CURVATURE * (lag**2 - jnp.mean(lag**2))])
+        shapes = jnp.broadcast_to(shapes, (len(frequency), *shapes.shape))
+        shapes = jnp.concatenate([jnp.ones_like(turned)[:, None], turned[:, None], shapes], axis=1)
+        patterns = middle[:, None] * shapes * jnp.sqrt(level)
 
         def one(place: Any, held: tuple[Array, ...]) -> tuple[Array, ...]:
             columns, spectra, energy, share = held
             column, row = patterns[:, place], COLUMNS * number + place + first
             inner = jnp.einsum("frc,fc->fr", columns.conj(), column)
-            solved = column - jnp.einsum("fr,frc->fc", inner, columns)
-            scale = 1 + jnp.einsum("fc,fc->f", column.conj(), solved).real
+            alone = column if noise is None else noise.solved(column)
+            solved = alone - jnp.einsum("fr,frc->fc", inner, columns)
+            whole = jnp.einsum("fc,fc->f", column.conj(), alone).real
+            rest = jnp.einsum("fc,fc->f", column.conj(), solved).real
+            # What lies in loud columns already but for a rounding error is left out.
+            rest = jnp.where(rest > ROUNDED * whole, rest, 0)
+            solved, scale = jnp.where((rest > 0)[:, None], solved, 0), 1 + rest
             along = jnp.einsum("fc,kfc->kf", column.conj(), spectra)
             energy = energy - jnp.sum(jnp.abs(along) ** 2, axis=0) / scale
             spectra = spectra - jnp.einsum("kf,fc->kfc", along / scale, solved)
-            columns = columns.at[:, row].set(solved / jnp.sqrt(scale)[:, None])
-            return columns, spectra, energy, share + true * (1 - 1 / scale)
+            column_of_inverse = solved / jnp.sqrt(scale)[:, None]
+            columns = columns.at[:, row].set(column_of_inverse)
+            # What the column takes of the trace, less what of it is there under the level itself.
+            taken = jnp.sum(jnp.abs(column_of_inverse) ** 2, axis=1) if noise is None else 1 - 1 / scale
+            return columns, spectra, energy, share + taken - true * (1 - 1 / scale)
 
         return jax.lax.fori_loop(0, COLUMNS, one, held)
 
     before, count, shape = scan.field, len(sources.bearing), scan.spectra.shape
     columns = jnp.zeros((len(frequency), COLUMNS * count, shape[-1]), scan.spectra.dtype)
-    first, spectra, energy, share = 0, scan.spectra, scan.total_power, jnp.zeros(len(frequency), dtype)
+    first, noise, spectra, energy = 0, None, scan.spectra, scan.total_power
+    dimensions = jnp.full(len(frequency), channels)
     if before is not None:
-        first, spectra, energy = before.columns.shape[1], before.spectra, before.energy
-        columns = jnp.concatenate([before.columns, columns], axis=1)
-        share = before.dimensions - channels + jnp.sum(jnp.abs(before.columns) ** 2, axis=(1, 2))
+        first, noise, spectra, energy = before.columns.shape[1], before.noise, before.spectra, before.energy
+        columns, dimensions = jnp.concatenate([before.columns, columns], axis=1), before.dimensions
+    share = jnp.zeros(len(frequency), dtype)
     each = (sources.bearing, sources.deviation, level, true, jnp.arange(count))
     (columns, spectra, energy, share), _ = jax.lax.scan(added, (columns, spectra, energy, share), each)
-    dimensions = jnp.maximum(channels - jnp.sum(jnp.abs(columns) ** 2, axis=(1, 2)) + share, 1)
-    return dataclasses.replace(scan, field=ArrayField(columns, spectra, jnp.maximum(energy, 0), dimensions))
+    dimensions = jnp.maximum(dimensions - share, 1)
+    return dataclasses.replace(scan, field=ArrayField(columns, spectra, jnp.maximum(energy, 0), dimensions, noise))
+
+
+@full_precision
+def in_noise(scan: BeamScan, noise: NoiseModes) -> BeamScan:
+    """Scan whose background is noise that is correlated between channels.
+
+    Parameters
+    ----------
+    scan : with its spectra, and without a field.
+    noise : of its bins.
+    """
+    assert scan.spectra is not None
+    spectra = noise.solved(scan.spectra)
+    energy = jnp.sum((scan.spectra.conj() * spectra).real, axis=(0, 2))
+    columns = jnp.zeros((spectra.shape[1], 0, spectra.shape[2]), spectra.dtype)
+    return dataclasses.replace(scan, field=ArrayField(columns, spectra, energy, noise.dimensions, noise))
 
 
 def beams_beside(
@@ -196,7 +241,7 @@ def beams_beside(
     field = scan.field
     if field.power is not None:
         return field.power, field.gain
-    alone = ~jnp.any(field.columns.real != 0)
+    alone = ~jnp.any(field.columns.real != 0) & (field.noise is None)
 
     def taken(columns: Complex[Array, "column frequency channel"]) -> Float[Array, "frequency bearing"]:
         nothing = jnp.zeros((columns.shape[1], beamformer.grid.beams), field.energy.dtype)
@@ -205,7 +250,8 @@ def beams_beside(
 
     stacked = jnp.moveaxis(field.columns, 1, 0)
     stacked = stacked.reshape(-1, COLUMNS, *stacked.shape[1:])
-    gain = scan.channels - jnp.sum(jax.lax.map(taken, stacked), axis=0)
+    before = scan.channels if field.noise is None else field.noise.gain
+    gain = before - jnp.sum(jax.lax.map(taken, stacked), axis=0)
     power = jax.lax.cond(alone, lambda: scan.beam_power, lambda: beamformer.beam_power(field.spectra[None])[0])
     return power, jnp.maximum(gain, 0)
 

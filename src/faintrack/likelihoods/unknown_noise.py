@@ -102,8 +102,12 @@ def _heard(
     power = jnp.sum(jnp.abs(jnp.einsum("fbc,kfc->kfb", vectors.conj(), spectra)) ** 2, axis=0)
     if scan.field is None:
         return power, jnp.full_like(power, scan.channels)
+    noise, gain = scan.field.noise, jnp.full_like(power, scan.channels)
+    if noise is not None:
+        stacked = jnp.moveaxis(vectors, 1, 0)
+        gain = jnp.moveaxis(jnp.sum((stacked.conj() * noise.solved(stacked)).real, axis=2), 0, 1)
     taken = jnp.sum(jnp.abs(jnp.einsum("fbc,frc->frb", vectors.conj(), scan.field.columns)) ** 2, axis=1)
-    return power, jnp.maximum(scan.channels - taken, 0)
+    return power, jnp.maximum(gain - taken, 0)
 
 
 class UnknownNoise(eqx.Module):
@@ -160,7 +164,8 @@ class UnknownNoise(eqx.Module):
         # Where nothing of a direction is left beside the others, nothing is said of it.
         some = (gain > 1e-3 * scan.channels) & (energy > 0)[:, None]
         share = jnp.minimum(jnp.where(some, power / jnp.where(some, gain * energy[:, None], 1), 0), 1)
-        share, gain = self._grouped(share), self._grouped(jnp.where(some, gain, 0))
+        # What an array would gain beyond is lost to errors of its positions; a source counts as fainter instead.
+        share, gain = self._grouped(share), self._grouped(jnp.where(some, jnp.minimum(gain, MOST_CHANNELS), 0))
         # Neighbouring bins have nearly the same dimensions: one logarithm serves a group of them.
         sums, counts = (jnp.sum(self._grouped(part[:, None]), axis=1) for part in (dimensions, jnp.ones_like(energy)))
         dimensions = sums / counts

@@ -10,7 +10,7 @@ one label, in whatever slot they stand.
 `x`, `bearing`, ...  time, slot                   mean of each component of the state; not a number in a free slot
 `covariance`         time, slot, component x 2    of the components, in the order of `component`, in their units
 `heard`              time, slot                   probability that the target is heard, where it may fall silent
-`full`               time                         whether a target was found and no slot was free, where there are several
+`full`               time                         whether a target was found and no slot was free, of several
 `log_evidence`       time                         log of the mean likelihood ratio of the scan, where it is known
 ===================  ===========================  =========================================================
 

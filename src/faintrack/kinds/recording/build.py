@@ -18,10 +18,12 @@ from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.likelihoods.white_signal import WhiteSignal
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, lobe_width
+from faintrack.signal.array_background import ArrayBackground, array_background
 from faintrack.signal.beamformer import Beamformer
 from faintrack.targets.motion import BearingMotion
 from faintrack.targets.states import BearingState
 from faintrack.targets.target import Target, UniformBirth
+from faintrack.trackers.many import ManyTargetsTracker
 
 FAINTEST = 0.02
 """Nats that one frame tells of the faintest target by default: fifty frames for a factor e."""
@@ -65,6 +67,14 @@ def build_tracker(
         likelihood = lobe_width_likelihood(plan.grid, width, table.exponent)
     particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
     return build_several(particles, likelihood, scenario.tracker, scenario.analysis.frame, scenario.filter.guided)
+
+
+def build_background(
+    scenario: RecordingScenario, tracker: Tracker | DetectAndTrack, plan: Beamformer
+) -> ArrayBackground | None:
+    """What learns the noise between channels, if the scenario asks for it and the tracker tells what to leave out."""
+    several = isinstance(tracker, ManyTargetsTracker)
+    return array_background(plan) if several and scenario.likelihood.isotropic else None
 
 
 def build_baseline(scenario: RecordingScenario, array: SensorArray, plan: Beamformer, target: Target) -> DetectAndTrack:

@@ -65,7 +65,9 @@ def calibrate(
         )
     array, frames = simulated_array(scenario), round(duration / interval)
     plan = build_beamformer(scenario.analysis, array, _sample_rate(scenario), scenario.analysis.taper)
-    tracker = build_tracker(scenario, array, plan, np.ones(plan.grid.frequency.size, np.float32))
+    # A false track begins with one target that is sought: the threshold is that of the filter of one.
+    alone = scenario.model_copy(update={"tracker": scenario.tracker.model_copy(update={"targets": 1})})
+    tracker = build_tracker(alone, array, plan, np.ones(plan.grid.frequency.size, np.float32))
     time = interval * jnp.arange(1.0, frames + 1)
     if not isinstance(tracker, SingleTargetTracker) or scenario.likelihood.kind == "lobe_width":
         count = counted_runs(probability, runs)

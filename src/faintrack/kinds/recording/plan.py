@@ -19,16 +19,19 @@ from faintrack.kinds.checks import about_array, about_levels, as_heard
 from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
-from faintrack.kinds.recording.build import build_tracker, default_snr_db
+from faintrack.kinds.recording.build import build_background, build_tracker, default_snr_db
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.kinds.several import Tracker
+from faintrack.likelihoods.array_field import in_noise
 from faintrack.results.schema import AXIS, NORTH, bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamScan, bearings, lobe_width
+from faintrack.signal.array_background import ArrayBackground
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies
 from faintrack.signal.frames import framed, frames
+from faintrack.trackers.many import Hand
 
 BLOCK_BYTES = 8 * 2**20
 """Beam power held at once; frames a block follow from it. What lies on the way to it takes several times as much:
@@ -39,9 +42,10 @@ LONGEST_BLOCK = 32
 
 
 class RecordingStep(eqx.Module):
-    """Frames through beamformer and tracker."""
+    """Frames through beamformer, background and tracker."""
 
     beamformer: Beamformer
+    background: ArrayBackground | None
     tracker: Tracker | DetectAndTrack
 
     def scans(self, block: tuple[Array, Array, Array]) -> tuple[BeamScan, Float[Array, "frame beam"]]:
@@ -53,8 +57,24 @@ class RecordingStep(eqx.Module):
         self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"]], key: PRNGKeyArray
     ) -> tuple[Any, tuple[Any, Float[Array, " beam"]]]:
         """As `faintrack.kinds.kind.Step.advance`."""
-        following, estimate = self.tracker.step(state, scan[0], key)
-        return following, (estimate, scan[1])
+        (memory, following), (frame, row) = state, scan
+        if self.background is None:
+            following, estimate = self.tracker.step(following, frame, key)
+            return (memory, following), (estimate, row)
+        tracker: Any = self.tracker
+        noise = self.background.noise(memory, frame, loudest(following.hand))
+        following, estimate = tracker.step(following, in_noise(frame, noise), key)
+        hand = following.hand
+        explained = tracker.likelihood.beside(
+            frame, hand.beliefs.states, hand.beliefs.log_weights, hand.heard_existence
+        )
+        return (self.background.learn(memory, explained, loudest(hand)), following), (estimate, row)
+
+
+def loudest(hand: Hand) -> Float[Array, ""]:
+    """Largest SNR of the sources in hand; dB."""
+    states = hand.beliefs.states
+    return jnp.max(jnp.where(hand.active, jnp.mean(states.snr_db, axis=1), -jnp.inf))
 
 
 def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
@@ -79,6 +99,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         noise_power = measure_noise(CleanRecording(recording).recording, beamformer, length, likelihood.noise_seconds)
     with naming(recording.source):
         tracker = build_tracker(scenario, array, beamformer, noise_power)
+    background = build_background(scenario, tracker, beamformer)
     frame_bytes = 4 * max(beamformer.grid.frequency.size * beamformer.grid.beams, length * recording.channels)
     # Of a run that is taken up again it is not known what was heard before.
     heard = np.ones(recording.channels, bool)
@@ -97,8 +118,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
 
     return Plan(
         scenario=_chosen(scenario, array, beamformer, recording.sample_rate),
-        step=RecordingStep(beamformer, tracker),
-        state=begun(tracker, scenario.filter.seed),
+        step=RecordingStep(beamformer, background, tracker),
+        state=(None if background is None else background.init(), begun(tracker, scenario.filter.seed)),
         read=read,
         rows=rows,
         length=count,

@@ -56,12 +56,16 @@ class LikelihoodSection(Section):
     noise_power : for "known_noise": variance of the noise in one sample of a channel, the same at all frequencies.
     noise_seconds : for "known_noise", instead: the noise power of each frequency is measured over the first seconds.
     exponent : for "lobe_width": to which the beam power is raised.
+    isotropic : for "unknown_noise" of several targets: whether noise that arrives from all directions alike, and is so
+        correlated between channels, has a share that is fitted as the data come (`faintrack.signal.array_background`);
+        otherwise the noise of channels is independent.
     """
 
     kind: Literal["unknown_noise", "known_noise", "lobe_width"] = "unknown_noise"
     noise_power: float | None = Field(default=None, gt=0)
     noise_seconds: float | None = Field(default=None, gt=0)
     exponent: float = Field(default=5.0, gt=0)
+    isotropic: bool = True
 
     @model_validator(mode="after")
     def _noise_is_known(self) -> "LikelihoodSection":

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from faintrack.data.records import InStep
 from faintrack.kinds.records.build import Placed
 from faintrack.kinds.records.sections import RecordsScenario
-from faintrack.results.schema import AXIS, HALF, NORTH, bearing, estimated, of_scans, planar
+from faintrack.results.schema import AXIS, HALF, NORTH, bearing, estimated, planar
 from faintrack.scenario.plane import Plane
 from faintrack.sensors.stations import Fans
 from faintrack.trackers.detectors import Detectors

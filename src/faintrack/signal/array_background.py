@@ -1,0 +1,224 @@
+r"""Noise that is correlated between the channels of an array, learnt as the data come.
+
+Noise that arrives from all directions alike has the correlation :math:`\operatorname{sinc}(2 f r / c)` between
+channels a distance r apart (Cook, Waterhouse, Berendt, Edelman and Thompson 1955); that of the sensors has none. With
+:math:`\rho` the share of the first in a bin, the channels have the covariance
+
+.. math:: \sigma^2 \left[(1 - \rho) I + \rho \Gamma\right] = \sigma^2 V \operatorname{diag}(\mu) V^T, \qquad
+    \mu_i = 1 - \rho + \rho \lambda_i ,
+
+with :math:`\Gamma = V \operatorname{diag}(\lambda) V^T` whatever the share. So all that the data say of it is the mean
+power :math:`y_i` of each mode :math:`v_i^T z`. With the scale integrated out the share has the log likelihood
+
+.. math:: -M \log \sum_i \frac{y_i}{\mu_i} - \sum_i \log \mu_i
+
+for every snapshot, summed over some neighbouring bins; the share is the best of `SHARES`. The powers are remembered for
+`MEMORY` frames, without what the sources in hand are held to have put there, so that a source that stays is not learnt.
+
+What does not fit shows in the modes: where those that beams read are louder than the others, as the model has them, a
+beam holds more than one of M parts of the energy. With :math:`r_i = y_i / \mu_i`, and :math:`c_i` the part that mode i
+has of :math:`d^* G_0^{-1} d`, averaged over the beams, the energy has the dimensions
+
+.. math:: M' = \sum_i r_i \Big/ \sum_i c_i r_i .
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from faintrack.numerics.precision import full_precision
+from faintrack.sensors.array import SensorArray
+from faintrack.sensors.beams import BeamScan, steering
+from faintrack.signal.beamformer import Beamformer
+
+SHARES = np.array(
+    [
+        0,
+        0.002,
+        0.005,
+        0.01,
+        0.02,
+        0.03,
+        0.05,
+        0.08,
+        0.12,
+        0.2,
+        0.3,
+        0.4,
+        0.5,
+        0.6,
+        0.7,
+        0.8,
+        0.9,
+        0.95,
+        0.98,
+        0.99,
+    ]
+)
+"""Of isotropic noise that are told apart; some noise of the sensors is always left."""
+
+MEMORY = 60.0
+"""Frames that are remembered."""
+
+LOUD_DB = 10.0
+"""SNR of a source at one channel from which on what it leaves behind is no noise; dB."""
+
+AROUND = 4
+"""Bins on either side that a share is fitted to."""
+
+
+class NoiseModes(eqx.Module):
+    r"""What is known of the noise in every bin: :math:`G_0^{-1} = V \operatorname{diag}(1 / \mu) V^T`.
+
+    Attributes
+    ----------
+    vectors : V, of the channels in use.
+    weights : one over mu.
+    gain : :math:`d^* G_0^{-1} d` of every beam.
+    dimensions : :math:`M'`.
+    """
+
+    vectors: Float[Array, "frequency channel mode"]
+    weights: Float[Array, "frequency mode"]
+    gain: Float[Array, "frequency bearing"]
+    dimensions: Float[Array, " frequency"]
+
+    @full_precision
+    def solved(self, values: Complex[Array, "*stack frequency channel"]) -> Complex[Array, "*stack frequency channel"]:
+        """Vectors times the inverse of the covariance."""
+        modes = jnp.einsum("fcm,...fc->...fm", self.vectors, values)
+        return jnp.einsum("fcm,...fm->...fc", self.vectors, self.weights * modes)
+
+
+class ArrayBackground(eqx.Module):
+    """Fits the share of isotropic noise in every bin.
+
+    Attributes
+    ----------
+    vectors, values : V and lambda of every bin.
+    gains, parts : of `NoiseModes`, and c, for every one of `SHARES`.
+    """
+
+    vectors: Float[Array, "frequency channel mode"]
+    values: Float[Array, "frequency mode"]
+    gains: Float[Array, "share frequency bearing"]
+    parts: Float[Array, "share frequency mode"]
+
+    def init(self) -> Float[Array, "frequency mode"]:
+        """Powers of the modes before any frame."""
+        return jnp.zeros_like(self.values)
+
+    def noise(self, powers: Float[Array, "frequency mode"], scan: BeamScan, loudest_db: Float[Array, ""]) -> NoiseModes:
+        """Noise of a frame, from what is remembered; of the first, from the frame itself.
+
+        Parameters
+        ----------
+        powers : that are remembered.
+        scan : with its spectra.
+        loudest_db : SNR of the loudest source in hand. Above `LOUD_DB` what it leaves behind hides the noise between
+            channels, which then counts as white.
+        """
+        powers = jnp.where(jnp.sum(powers) > 0, powers, self.powers(scan.spectra))
+        share = self.share(powers)
+        mu = self._spread(jnp.asarray(SHARES, powers.dtype)[share])
+        gain = jnp.take_along_axis(self.gains, share[None, :, None], axis=0)[0]
+        relative = _smooth(powers.T).T / mu
+        parts = jnp.take_along_axis(self.parts, share[None, :, None], axis=0)[0]
+        in_beams = jnp.sum(parts * relative, axis=1)
+        # Beams that hold less than their part have lost it to sources in hand, and say nothing of the noise.
+        dimensions = jnp.sum(relative, axis=1) / jnp.where(in_beams > 0, in_beams, 1)
+        dimensions = jnp.minimum(dimensions, relative.shape[1])
+        # With a channel missing the modes are others: the noise of such a frame counts as white.
+        whole = (scan.channels == self.values.shape[1]) & (loudest_db <= LOUD_DB)
+        weights, gain = jnp.where(whole, 1 / mu, 1), jnp.where(whole, gain, scan.channels)
+        return NoiseModes(self.vectors, weights, gain, jnp.where(whole, dimensions, scan.channels))
+
+    def share(self, powers: Float[Array, "frequency mode"]) -> Array:
+        """Number of the likeliest of `SHARES` in every bin (the module's second equation)."""
+
+        def log_likelihood(share: Array) -> Float[Array, " frequency"]:
+            mu = self._spread(jnp.full(len(powers), share))
+            total = jnp.sum(powers / mu, axis=1)
+            some = total > 0
+            return jnp.where(some, -mu.shape[1] * jnp.log(jnp.where(some, total, 1)), 0) - jnp.sum(jnp.log(mu), axis=1)
+
+        fits = jax.lax.map(log_likelihood, jnp.asarray(SHARES, powers.dtype))
+        return jnp.argmax(_smooth(fits), axis=0)
+
+    @full_precision
+    def powers(self, spectra: Complex[Array, "snapshot frequency channel"]) -> Float[Array, "frequency mode"]:
+        """Power of every mode in a frame, over that of all in its bin."""
+        modes = jnp.einsum("fcm,kfc->kfm", self.vectors, spectra)
+        power = jnp.sum(jnp.abs(modes) ** 2, axis=0)
+        total = jnp.sum(power, axis=1, keepdims=True)
+        return jnp.where(total > 0, power / jnp.where(total > 0, total, 1), 0)
+
+    def learn(
+        self, powers: Float[Array, "frequency mode"], scan: BeamScan, loudest_db: Float[Array, ""]
+    ) -> Float[Array, "frequency mode"]:
+        """What is remembered after a frame; one with a channel missing or a loud source is passed over.
+
+        Parameters
+        ----------
+        powers : remembered so far.
+        scan : with the sources in hand as part of its background, in white noise.
+        loudest_db : as of `noise`.
+        """
+        whole = (scan.channels == self.values.shape[1]) & (loudest_db <= LOUD_DB)
+        learnt = (1 - 1 / MEMORY) * powers + self.powers(scan.field.spectra)
+        return jnp.where(whole, learnt, powers)
+
+    def _spread(self, share: Float[Array, " frequency"]) -> Float[Array, "frequency mode"]:
+        """Variance of every mode, mu."""
+        return 1 - share[:, None] + share[:, None] * self.values
+
+
+def _smooth(rows: Float[Array, "row frequency"]) -> Float[Array, "row frequency"]:
+    """Sums over neighbouring bins."""
+    ones = jnp.ones(2 * AROUND + 1, rows.dtype)
+    return jax.vmap(lambda row: jnp.convolve(jnp.pad(row, AROUND, mode="edge"), ones, "valid"))(rows)
+
+
+def array_background(beamformer: Beamformer) -> ArrayBackground:
+    """Background of the recordings that a beamformer is for.
+
+    Examples
+    --------
+    >>> from faintrack.sensors.array import line_array
+    >>> from faintrack.signal.beamformer import beamformer
+    >>> background = array_background(beamformer(line_array(4, 1.5), 1000.0, band=(100.0, 200.0), beams=9))
+    >>> background.values.shape[1], round(float(background.values[0].sum()), 3)
+    (4, 4.0)
+    """
+    array, grid = beamformer.grid.array, beamformer.grid
+    assert array is not None
+    used = np.asarray(array.alive)
+    correlation = isotropic(array, grid.frequency)[:, used][:, :, used]
+    values, inside = np.linalg.eigh(correlation)
+    vectors = np.zeros((len(values), len(used), values.shape[1]))
+    vectors[:, used] = inside
+    gains = np.empty((len(SHARES), len(values), grid.beams), np.float32)
+    parts = np.empty((len(SHARES), *values.shape), np.float32)
+    for number, frequency in enumerate(grid.frequency):
+        directions = steering(array, np.array([frequency]), np.asarray(grid.bearing))[0]
+        power = np.abs(directions @ vectors[number]) ** 2
+        mu = 1 - SHARES[:, None] + SHARES[:, None] * np.maximum(values[number], 0)
+        gains[:, number] = (1 / mu) @ power.T
+        parts[:, number] = (1 / gains[:, number]) @ power / mu / grid.beams
+    dtype = beamformer.cosine.dtype
+    return ArrayBackground(*(jnp.asarray(part, dtype) for part in (vectors, np.maximum(values, 0), gains, parts)))
+
+
+def isotropic(array: SensorArray, frequency: Float[np.ndarray, " frequency"]) -> np.ndarray:
+    """Correlation between channels of noise from all directions, shape (frequency, channel, channel).
+
+    Examples
+    --------
+    >>> from faintrack.sensors.array import line_array
+    >>> isotropic(line_array(2, 1.5), np.array([250.0, 500.0])).round(3)[:, 0, 1].tolist()
+    [0.637, 0.0]
+    """
+    apart = np.linalg.norm(array.positions[:, None] - array.positions, axis=-1)
+    return np.sinc(2 * frequency[:, None, None] * apart / array.sound_speed)
