@@ -23,7 +23,7 @@ def test_following_equals_tracking() -> None:
     # One frame a block or many: the beam products are summed in another order, and the particles drift apart by
     # rounding.
     np.testing.assert_allclose(existence, result.data.existence.max("slot"), atol=1e-2)
-    assert moments[-1].checkpoint.state.sought.log_weights.shape == (1250,)
+    assert moments[-1].checkpoint.state[1].sought.log_weights.shape == (1250,)
     assert moments[-1].data.record.shape == (
         1,
         result.data.sizes["beam"],
