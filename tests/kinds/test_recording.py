@@ -5,6 +5,7 @@ import pytest
 
 import faintrack as ft
 from faintrack import Recording, from_samples, line_array, sensor_array
+from faintrack.signal.array_background import isotropic
 from faintrack.simulation.samples import Source, draw_samples
 
 ARRAY = line_array(8, 0.75)
@@ -40,6 +41,29 @@ def test_a_source_that_takes_over_begins_a_new_track() -> None:
     # A source that is not heard any more may be heard again within ten scans.
     assert 9 < first.end_s < 20
     assert second.start_s < 13
+
+
+def test_two_sources_at_once_have_a_label_each() -> None:
+    result = ft.track(recording(Source(0.0, 0.8), Source(-15.0, 2.2)), array=ARRAY)
+    assert sorted(round(np.radians(track.average("bearing")), 1) for track in result.tracks) == [0.8, 2.2]
+    # The loud one in its first frame; the faint one stays to the end as well.
+    assert max(track.start_s for track in result.tracks) < 8
+    assert all(track.end_s == result.data.time[-1] for track in result.tracks)
+    assert np.all(result.data.label[:, -1] == 0)
+
+
+def test_noise_from_all_directions_is_no_source() -> None:
+    """Half of the noise arrives from everywhere; with channels taken for independent it is a track to the end."""
+    rng, seconds = np.random.default_rng(2), 20
+    frequency = np.fft.rfftfreq(int(RATE), 1 / RATE)
+    root = np.linalg.cholesky(isotropic(ARRAY, frequency) + 1e-3 * np.eye(len(ARRAY.gains)))
+    white = rng.normal(size=(seconds, 2, len(frequency), len(ARRAY.gains)))
+    spectra = np.einsum("fij,tfj->tfi", root, white[:, 0] + 1j * white[:, 1])
+    around = np.fft.irfft(spectra, int(RATE), axis=1).reshape(-1, len(ARRAY.gains))
+    samples = around / around.std() + rng.normal(size=around.shape)
+    heard = from_samples(samples, RATE)
+    assert ft.track(heard, array=ARRAY).tracks == []
+    assert ft.track(heard, array=ARRAY, likelihood={"isotropic": False}).tracks
 
 
 def test_a_source_that_comes_back_is_a_new_track() -> None:
