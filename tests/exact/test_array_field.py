@@ -1,6 +1,7 @@
 """Sources in the background of an array, against dense linear algebra."""
 
 import dataclasses
+import math
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ from faintrack.likelihoods.array_field import (
     COHERENT,
     CURVATURE,
     MISPLACED,
+    ORDERS,
     Sources,
     alike,
     beams_beside,
@@ -66,7 +68,7 @@ def test_numbers_of_the_field(array: SensorArray) -> None:
         for bearing, deviation, snr, existence in zip(
             *(np.asarray(part, float) for part in dataclasses.astuple(SOURCES)), strict=True
         ):
-            level = 4 * snr * (1 + channels * snr) * existence
+            level = 4 * snr * (1 + channels * snr) * (1 + snr) ** 2 * existence
             delays = np.asarray(array.delays(np.array(bearing)))
             lag = (delays - delays.mean()) * resolution
             middle = vectors(np.array([bearing]))[0]
@@ -74,12 +76,12 @@ def test_numbers_of_the_field(array: SensorArray) -> None:
             phase = 2 * np.pi * (turn - turn.mean())
             least = MISPLACED / (np.abs(phase).max() * plan.grid.frequency.max())
             phase = phase * frequency * np.hypot(deviation, least)
+            stretched = np.sqrt(2 * CURVATURE) * lag
             columns = [
-                middle,
-                middle * phase / max(np.abs(phase).max(), 1),
-                np.sqrt(2 * CURVATURE) * middle * lag,
-                CURVATURE * middle * (lag**2 - np.mean(lag**2)),
+                middle * stretched**order / math.sqrt(math.factorial(order)) * np.exp(-CURVATURE * lag**2)
+                for order in range(ORDERS)
             ]
+            columns.append(middle * phase / max(np.abs(phase).max(), 1))
             background += level * sum(np.outer(column, column.conj()) for column in columns)
         inverse = np.linalg.inv(background)
         z, beams = spectra[:, number], vectors(np.asarray(plan.grid.bearing))

@@ -23,10 +23,10 @@ def standard(seed: int = 0) -> Belief:
 def test_one_step_is_the_update() -> None:
     belief = standard()
 
-    def log_ratio(states: RangeState) -> jax.Array:
-        return -((states.range - 0.3) ** 2)
+    def log_ratio(belief: Belief) -> jax.Array:
+        return -((belief.states.range - 0.3) ** 2)
 
-    at_once, evidence = update(belief, log_ratio(belief.states))
+    at_once, evidence = update(belief, log_ratio(belief))
     found, log_evidence = tempered(belief, log_ratio, jax.random.key(1))
     np.testing.assert_array_equal(found.log_weights, at_once.log_weights)
     assert float(log_evidence) == float(evidence)
@@ -37,8 +37,8 @@ def test_a_scan_far_narrower_than_the_gaps(width: float) -> None:
     """Density of the place given N(z; x, w^2), z = 1.5: mean z / (1 + w^2), deviation w to second order."""
     seen, runs = 1.5, 8
 
-    def log_ratio(states: RangeState) -> jax.Array:
-        return -0.5 * ((states.range - seen) / width) ** 2
+    def log_ratio(belief: Belief) -> jax.Array:
+        return -0.5 * ((belief.states.range - seen) / width) ** 2
 
     places, spreads, evidence = [], [], []
     step = jax.jit(lambda belief, key: tempered(belief, log_ratio, key))

@@ -88,8 +88,12 @@ def update(belief: Belief, log_ratio: Float[Array, "*points"] | Float[Array, "..
             "Give one value per point: likelihood.log_ratio(scan, belief.states)."
         )
     log_joint = belief.log_weights + log_ratio
-    log_evidence = jax.nn.logsumexp(log_joint)
-    log_weights = jnp.where(log_evidence > -jnp.inf, log_joint - log_evidence, belief.log_weights)
+    top = jnp.max(log_joint)
+    # From the top down: a loud target's ratios are so large that their own rounding would unbalance the weights.
+    below = log_joint - jnp.where(top > -jnp.inf, top, 0)
+    log_sum = jnp.log(jnp.sum(jnp.exp(below)))
+    log_evidence = top + log_sum
+    log_weights = jnp.where(log_evidence > -jnp.inf, below - log_sum, belief.log_weights)
     updated = dataclasses.replace(belief, log_weights=log_weights, log_odds=belief.log_odds + log_evidence)
     return updated, log_evidence
 

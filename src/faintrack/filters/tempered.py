@@ -7,8 +7,8 @@ moved apart within what they have become, their mean and covariance kept (Liu an
 
 .. math:: x_i \leftarrow \bar x + \sqrt{1 - h^2} (x_i - \bar x) + h \, C^{1/2} n_i
 
-The evidence is the product of the mean ratios of the steps. Where one step is enough nothing is moved, and the update
-is that of `faintrack.beliefs.belief`.
+The ratio may be read more closely the narrower they are. The evidence is the product of the mean ratios of the steps.
+Where one step is enough nothing is moved, and the update is that of `faintrack.beliefs.belief`.
 """
 
 import dataclasses
@@ -39,14 +39,15 @@ HALVINGS = 30
 
 
 def tempered(
-    belief: Belief, log_ratio: Callable[[Any], Float[Array, " point"]], key: PRNGKeyArray
+    belief: Belief, log_ratio: Callable[[Belief], Float[Array, " point"]], key: PRNGKeyArray
 ) -> tuple[Belief, Float[Array, ""]]:
     """Take in a scan in as many steps as its particles need (the module's equations).
 
     Parameters
     ----------
     belief : of particles, predicted to the time of the scan.
-    log_ratio : function of states to the natural log of p(scan | target at state) / p(scan | no target).
+    log_ratio : function of a belief to the natural log of p(scan | target at state) / p(scan | no target), at its
+        points.
     key : random key.
 
     Returns
@@ -59,7 +60,7 @@ def tempered(
 
     def advance(carried: tuple[Any, ...]) -> tuple[Any, ...]:
         belief, left, evidence, number = carried
-        ratio = log_ratio(belief.states)
+        ratio = log_ratio(belief)
         power = jnp.where(number >= STEPS - 1, left, _power(belief.log_weights, ratio, left))
         belief, gained = update(belief, power * ratio)
         left = jnp.where(power < left, left - power, 0)
@@ -74,6 +75,7 @@ def tempered(
 def _power(log_weights: Array, log_ratio: Array, left: Array) -> Float[Array, ""]:
     """Largest power up to what is left with which the effective number of particles stays above `SCARCE`."""
     least = jnp.log(SCARCE * log_weights.size)
+    log_ratio = log_ratio - jnp.max(log_ratio)
 
     def enough(power: Array) -> Array:
         tilted = jax.nn.log_softmax(log_weights + power * log_ratio)

@@ -12,25 +12,36 @@ source reads the same three numbers, and needs no other change.
 
 A source is not known exactly, and what is not known of a loud one hides a faint one beside it. So its covariance is
 averaged over what is believed of its bearing, to second order by the pattern
-:math:`\omega \, s \, d \circ d\tau / d\psi` beside the wave itself, s the standard deviation; and has the two
-patterns along the array that a snapshot of finite length leaves of it, :math:`d \circ \tau` and
-:math:`d \circ \tau^2` (`faintrack.signal.beamformer`). Its spectrum is not known either: the
-level that is taken from it grows from four times its own where it is faint to all of it where it is loud,
+:math:`\omega \, s \, d \circ d\tau / d\psi` beside the wave itself, s the standard deviation. Snapshots of a finite
+length T hear it at other times in every channel: with :math:`\kappa = 2 \pi^2 / 3` the curvature of the correlation of
+the taper with itself, taken as a Gaussian, channels i and j share
+:math:`e^{-\kappa (\tau_i - \tau_j)^2 / T^2}` of it, which is a sum of patterns along the array,
 
-.. math:: L = 4 a (1 + M a) q ,
+.. math:: \sum_n c_n c_n^*, \qquad c_n = d \circ \frac{(\sqrt{2 \kappa} \, \tau / T)^n}{\sqrt{n!}}
+    e^{-\kappa \tau^2 / T^2} .
+
+Its spectrum is not known either, and a source at the end of what SNR a likelihood reads may be far louder: the level
+that is taken from it grows from four times its own where it is faint to all of it where it is loud,
+
+.. math:: L = 4 a (1 + M a) (1 + a)^2 q ,
 
 q its existence. Of M dimensions a frame then holds as many as expected under the level a itself,
 
 .. math:: M' = \operatorname{tr} G^{-1} \left(I + \sum_j a_j \mathrm{E}[d_j d_j^*]\right).
 
 Columns are taken in one by one (Sherman and Morrison): with :math:`u = G^{-1} b` and :math:`s = 1 + b^* u`, the
-inverse of :math:`G + b b^*` is :math:`G^{-1} - u u^* / s`.
+inverse of :math:`G + b b^*` is :math:`G^{-1} - u u^* / s`. The energy is summed from what is left,
 
-**Alike** are two directions whose steering vectors have a coherence :math:`|d^* d'|^2 / M^2` above one quarter,
+.. math:: E = \sum_k \left[ y_k^* G_0 y_k + \sum_b |b^* y_k|^2 \right], \qquad y_k = G^{-1} z_k ,
+
+since beside a source of 60 dB nothing of it would be left of a difference in single precision.
+
+**Alike** are two directions whose steering vectors have a coherence :math:`|d^* d'|^2 / M^2` above one half,
 averaged over the band: sources so near each other are one to the array.
 """
 
 import dataclasses
+import math
 from typing import Any
 
 import equinox as eqx
@@ -48,13 +59,19 @@ from faintrack.signal.array_background import NoiseModes
 from faintrack.signal.beamformer import Beamformer
 from faintrack.targets.states import BearingState
 
-COLUMNS = 4
-"""Of the covariance of one source: the wave, what a turn adds, two patterns along the array."""
+ORDERS = 4
+"""Of the patterns along the array that a snapshot of finite length leaves of a wave."""
+
+COLUMNS = ORDERS + 1
+"""Of the covariance of one source: its patterns along the array, and what a turn adds."""
 
 TURN = 0.01
 """Angle over which the delays are differentiated; radians."""
 
-MISPLACED = 0.1
+CLOSED = 1e4
+"""Variance in a column over that of the noise from which on nothing of it is left."""
+
+MISPLACED = 0.02
 """Phase that is not known at the end of an array and the top of the band, however well a bearing is; radians."""
 
 ROUNDED = 1e-5
@@ -63,7 +80,7 @@ ROUNDED = 1e-5
 CURVATURE = 2 * np.pi**2 / 3
 """Of the correlation of Hann's window with itself, in units of its length."""
 
-COHERENT = 0.25
+COHERENT = 0.5
 """Coherence from which on two directions are alike."""
 
 BINS = 8
@@ -76,6 +93,7 @@ class ArrayField(eqx.Module):
     Attributes
     ----------
     columns : :math:`G^{-1} = I - Q Q^*` in every bin, `COLUMNS` of each source.
+    patterns : B, with :math:`G = I + B B^*`; zero where nothing is left of a column.
     spectra : :math:`G^{-1} z`.
     energy : E.
     dimensions : :math:`M'`.
@@ -84,6 +102,7 @@ class ArrayField(eqx.Module):
     """
 
     columns: Complex[Array, "*scan frequency column channel"]
+    patterns: Complex[Array, "*scan frequency column channel"]
     spectra: Complex[Array, "*scan snapshot frequency channel"]
     energy: Float[Array, "*scan frequency"]
     dimensions: Float[Array, "*scan frequency"]
@@ -160,7 +179,7 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
     # Channels that are silent in a frame hear no source either.
     used = (jnp.sum(jnp.abs(scan.spectra) ** 2, axis=(0, 1)) > 0).astype(dtype)
     snr, channels = sources.snr, scan.channels
-    level = 4 * snr * (1 + channels * snr) * sources.existence
+    level = 4 * snr * (1 + channels * snr) * (1 + snr) ** 2 * sources.existence
     true = jnp.where(level > 0, snr * sources.existence / jnp.where(level > 0, level, 1), 0)
 
     def added(held: Any, source: Any) -> tuple[Any, None]:
@@ -177,13 +196,15 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
         turned = jnp.sqrt(deviation**2 + least**2) * turned
         # Beyond a lobe the direction is not known at all: the pattern is no larger than the wave itself.
         turned = turned / jnp.maximum(jnp.max(jnp.abs(turned), axis=1, keepdims=True), 1)
-        shapes = jnp.stack([jnp.sqrt(2 * CURVATURE) * lag, CURVATURE * (lag**2 - jnp.mean(lag**2))])
+        stretched = jnp.sqrt(2 * CURVATURE) * lag
+        faded = jnp.exp(-CURVATURE * lag**2)
+        shapes = jnp.stack([stretched**order / math.sqrt(math.factorial(order)) for order in range(ORDERS)]) * faded
         shapes = jnp.broadcast_to(shapes, (len(frequency), *shapes.shape))
-        shapes = jnp.concatenate([jnp.ones_like(turned)[:, None], turned[:, None], shapes], axis=1)
+        shapes = jnp.concatenate([shapes, turned[:, None]], axis=1)
         patterns = middle[:, None] * shapes * jnp.sqrt(level)
 
         def one(place: Any, held: tuple[Array, ...]) -> tuple[Array, ...]:
-            columns, spectra, energy, share = held
+            columns, left, spectra, share = held
             column, row = patterns[:, place], COLUMNS * number + place + first
             inner = jnp.einsum("frc,fc->fr", columns.conj(), column)
             alone = column if noise is None else noise.solved(column)
@@ -194,28 +215,45 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
             rest = jnp.where(rest > ROUNDED * whole, rest, 0)
             solved, scale = jnp.where((rest > 0)[:, None], solved, 0), 1 + rest
             along = jnp.einsum("fc,kfc->kf", column.conj(), spectra)
-            energy = energy - jnp.sum(jnp.abs(along) ** 2, axis=0) / scale
             spectra = spectra - jnp.einsum("kf,fc->kfc", along / scale, solved)
             column_of_inverse = solved / jnp.sqrt(scale)[:, None]
             columns = columns.at[:, row].set(column_of_inverse)
+            left = left.at[:, row].set(jnp.where((scale < CLOSED)[:, None], column, 0))
             # What the column takes of the trace, less what of it is there under the level itself.
             taken = jnp.sum(jnp.abs(column_of_inverse) ** 2, axis=1) if noise is None else 1 - 1 / scale
-            return columns, spectra, energy, share + taken - true * (1 - 1 / scale)
+            return columns, left, spectra, share + taken - true * (1 - 1 / scale)
 
         return jax.lax.fori_loop(0, COLUMNS, one, held)
 
-    before, count, shape = scan.field, len(sources.bearing), scan.spectra.shape
-    columns = jnp.zeros((len(frequency), COLUMNS * count, shape[-1]), scan.spectra.dtype)
-    first, noise, spectra, energy = 0, None, scan.spectra, scan.total_power
-    dimensions = jnp.full(len(frequency), channels)
-    if before is not None:
-        first, noise, spectra, energy = before.columns.shape[1], before.noise, before.spectra, before.energy
-        columns, dimensions = jnp.concatenate([before.columns, columns], axis=1), before.dimensions
-    share = jnp.zeros(len(frequency), dtype)
-    each = (sources.bearing, sources.deviation, level, true, jnp.arange(count))
-    (columns, spectra, energy, share), _ = jax.lax.scan(added, (columns, spectra, energy, share), each)
-    dimensions = jnp.maximum(dimensions - share, 1)
-    return dataclasses.replace(scan, field=ArrayField(columns, spectra, jnp.maximum(energy, 0), dimensions, noise))
+    before = scan.field if scan.field is not None else _empty(scan)
+    first, noise = before.columns.shape[1], before.noise
+    room = ((0, 0), (0, COLUMNS * len(sources.bearing)), (0, 0))
+    start = (jnp.pad(before.columns, room), jnp.pad(before.patterns, room), before.spectra, jnp.zeros_like(frequency))
+    each = (sources.bearing, sources.deviation, level, true, jnp.arange(len(sources.bearing)))
+    (columns, left, spectra, share), _ = jax.lax.scan(added, start, each)
+    some = jnp.any(level > 0)
+    energy = jax.lax.cond(some, lambda: _energy(spectra, left, noise), lambda: before.energy)
+    dimensions = jnp.maximum(before.dimensions - share, 1)
+    return dataclasses.replace(scan, field=ArrayField(columns, left, spectra, energy, dimensions, noise))
+
+
+def _empty(scan: BeamScan) -> ArrayField:
+    """Field without a source, in white noise."""
+    assert scan.spectra is not None
+    bins, channels = scan.spectra.shape[1:]
+    none = jnp.zeros((bins, 0, channels), scan.spectra.dtype)
+    return ArrayField(none, none, scan.spectra, scan.total_power, jnp.full_like(scan.total_power, scan.channels))
+
+
+def _energy(
+    spectra: Complex[Array, "snapshot frequency channel"],
+    patterns: Complex[Array, "frequency column channel"],
+    noise: NoiseModes | None,
+) -> Float[Array, " frequency"]:
+    """E from what is left of the spectra (the module's last equation)."""
+    alone = spectra if noise is None else noise.applied(spectra)
+    inside = jnp.einsum("frc,kfc->kfr", patterns.conj(), spectra)
+    return jnp.sum((spectra.conj() * alone).real, axis=(0, 2)) + jnp.sum(jnp.abs(inside) ** 2, axis=(0, 2))
 
 
 @full_precision
@@ -230,8 +268,8 @@ def in_noise(scan: BeamScan, noise: NoiseModes) -> BeamScan:
     assert scan.spectra is not None
     spectra = noise.solved(scan.spectra)
     energy = jnp.sum((scan.spectra.conj() * spectra).real, axis=(0, 2))
-    columns = jnp.zeros((spectra.shape[1], 0, spectra.shape[2]), spectra.dtype)
-    return dataclasses.replace(scan, field=ArrayField(columns, spectra, energy, noise.dimensions, noise))
+    field = dataclasses.replace(_empty(scan), spectra=spectra, energy=energy, dimensions=noise.dimensions, noise=noise)
+    return dataclasses.replace(scan, field=field)
 
 
 def beams_beside(

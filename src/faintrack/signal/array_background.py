@@ -85,13 +85,21 @@ class NoiseModes(eqx.Module):
     gain: Float[Array, "frequency bearing"]
     dimensions: Float[Array, " frequency"]
 
-    @full_precision
     def solved(self, values: Complex[Array, "*stack frequency channel"]) -> Complex[Array, "*stack frequency channel"]:
         """Vectors times the inverse of the covariance."""
+        return self._times(self.weights, values)
 
+    def applied(self, values: Complex[Array, "*stack frequency channel"]) -> Complex[Array, "*stack frequency channel"]:
+        """Vectors times the covariance."""
+        return self._times(1 / self.weights, values)
+
+    @full_precision
+    def _times(
+        self, variance: Float[Array, "frequency mode"], values: Complex[Array, "*stack frequency channel"]
+    ) -> Complex[Array, "*stack frequency channel"]:
         def part(values: Float[Array, "*stack frequency channel"]) -> Float[Array, "*stack frequency channel"]:
             modes = jnp.einsum("fcm,...fc->...fm", self.vectors, values)
-            return jnp.einsum("fcm,...fm->...fc", self.vectors, self.weights * modes)
+            return jnp.einsum("fcm,...fm->...fc", self.vectors, variance * modes)
 
         # XLA multiplies real matrices at twice the speed of a real and a complex one.
         return jax.lax.complex(part(values.real), part(values.imag))

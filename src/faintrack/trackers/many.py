@@ -127,12 +127,14 @@ class Found(eqx.Module):
     Attributes
     ----------
     sought, hand, labels : as of `Seeking`.
+    unread : slots whose target has not taken in the scan.
     log_evidence : of the scan, for the belief that seeks.
     full : a target was found, and there was no free slot.
     """
 
     sought: Belief
     hand: Hand
+    unread: Bool[Array, " slot"]
     labels: Int[Array, ""]
     log_evidence: Float[Array, ""]
     full: Bool[Array, ""]
@@ -203,23 +205,29 @@ class ManyTargetsTracker(eqx.Module):
     def step(self, seeking: Seeking, scan: Any, key: PRNGKeyArray) -> tuple[Seeking, ManyEstimate]:
         """Take in one scan. `key` is that of the whole recording; each scan makes its own from it."""
         key = jax.random.fold_in(key, seeking.scans)
-        for_hand, for_sought, for_taking = jax.random.split(key, 3)
-        hand = self._followed(seeking.hand, scan, for_hand)
-        start = Found(seeking.sought, hand, seeking.labels, jnp.zeros_like(seeking.sought.log_odds), jnp.array(False))
+        for_motion, for_hand, for_sought, for_taking = jax.random.split(key, 4)
+        hand = self._carried(seeking.hand, scan, for_motion)
+        none = jnp.zeros_like(seeking.sought.log_odds)
+        start = Found(seeking.sought, hand, hand.active, seeking.labels, none, jnp.array(False))
 
-        def again(carried: tuple[Found, Array, Array]) -> Array:
-            return carried[1]
+        def unfinished(carried: tuple[Found, Array]) -> Array:
+            found, number = carried
+            return (number == 0) | jnp.any(found.unread)
 
-        def seek(carried: tuple[Found, Array, Array]) -> tuple[Found, Array, Array]:
-            before, _, number = carried
-            new = before.hand.label > seeking.labels
-            sought, log_evidence = self._sought(seeking.sought, before.hand, new, scan, for_sought)
-            before = dataclasses.replace(before, sought=sought, log_evidence=log_evidence)
-            after = self._taken(before, scan, jax.random.fold_in(for_taking, number))
-            return after, (after.labels > before.labels) & (number + 1 < AT_ONCE), number + 1
+        def look(carried: tuple[Found, Array]) -> tuple[Found, Array]:
+            found, number = carried
+            hand = self._updated(found.hand, found.unread, scan, jax.random.fold_in(for_hand, number))
+            new = hand.label > seeking.labels
+            beside = self._prepared(self._beside(scan, hand, hand.heard_existence))
+            predicted, near = self._sought(seeking.sought, hand, new, beside, for_sought)
+            log_ratio = log_ratios(self.likelihood, beside, predicted.states)
+            sought, log_evidence = update(predicted, jnp.where(near, 0, log_ratio))
+            found = Found(sought, hand, jnp.zeros_like(new), found.labels, log_evidence, found.full)
+            key = jax.random.fold_in(for_taking, number)
+            return self._taken(found, predicted, number < AT_ONCE, beside, key), number + 1
 
-        # What is found is part of the background, also of the scan that it was found in, before more is sought.
-        found, _, _ = jax.lax.while_loop(again, seek, (start, jnp.array(True), jnp.array(0)))
+        # What is found takes in the scan itself and is part of the background before more is sought.
+        found, _ = jax.lax.while_loop(unfinished, look, (start, jnp.array(0)))
         after = Seeking(found.sought, found.hand, found.labels, seeking.scans + 1)
         return after, self._estimate(found)
 
@@ -228,10 +236,8 @@ class ManyTargetsTracker(eqx.Module):
         """Take in a stack of scans in one compiled loop; the estimates are stacked."""
         return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), seeking, scans)
 
-    def _followed(self, hand: Hand, scan: Any, key: PRNGKeyArray) -> Hand:
-        """Targets in hand after a scan."""
-        keys = jax.random.split(key, (self.targets, 2))
-        number = jnp.arange(self.targets)
+    def _carried(self, hand: Hand, scan: Any, key: PRNGKeyArray) -> Hand:
+        """Targets in hand, carried forward to a scan."""
 
         def carried(belief: Belief, heard: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             interval = scan.time - belief.time
@@ -246,18 +252,23 @@ class ManyTargetsTracker(eqx.Module):
         def still(belief: Belief, heard: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             return dataclasses.replace(belief, time=scan.time), heard
 
-        beliefs, heard = _over(hand.active, carried, still, hand.beliefs, hand.heard, keys[:, 0])
-        predicted = Hand(beliefs, heard, hand.label)
-        expected = predicted.heard_existence
+        keys = jax.random.split(key, self.targets)
+        beliefs, heard = _over(hand.active, carried, still, hand.beliefs, hand.heard, keys)
+        return Hand(beliefs, heard, hand.label)
+
+    def _updated(self, hand: Hand, unread: Bool[Array, " slot"], scan: Any, key: PRNGKeyArray) -> Hand:
+        """Targets in hand after a scan, those that have not taken it in yet."""
+        number, expected = jnp.arange(self.targets), hand.heard_existence
 
         def updated(belief: Belief, heard: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             others = jnp.where(number == slot, 0, expected)
-            return self._heard(belief, heard, self._beside(scan, predicted, others), key)
+            return self._heard(belief, heard, self._beside(scan, hand, others), key)
 
         def as_it_is(belief: Belief, heard: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             return belief, heard
 
-        beliefs, heard = _over(hand.active, updated, as_it_is, beliefs, heard, number, keys[:, 1])
+        keys = jax.random.split(key, self.targets)
+        beliefs, heard = _over(unread, updated, as_it_is, hand.beliefs, hand.heard, number, keys)
         kept = hand.active & (jax.nn.sigmoid(beliefs.log_odds) >= self.drop)
         return Hand(beliefs, heard, jnp.where(kept, hand.label, 0))
 
@@ -268,13 +279,7 @@ class ManyTargetsTracker(eqx.Module):
         for_steps, for_draw, for_rest, for_choice = jax.random.split(key, 4)
         log_odds, particles = belief.log_odds, belief.born is not None
         if particles:
-            zooming = isinstance(self.likelihood, Zooming)
-            log_ratio = (
-                self.likelihood.zoomed(scan, belief.states, belief.log_weights).log_ratio
-                if zooming
-                else partial(self.likelihood.log_ratio, scan)
-            )
-            updated, log_evidence = tempered(belief, log_ratio, for_steps)
+            updated, log_evidence = tempered(belief, partial(self._closely, scan), for_steps)
         else:
             updated, log_evidence = update(belief, log_ratios(self.likelihood, scan, belief.states))
         gained = jnp.logaddexp(jax.nn.log_sigmoid(heard) + log_evidence, jax.nn.log_sigmoid(-heard))
@@ -300,42 +305,46 @@ class ManyTargetsTracker(eqx.Module):
         """Scan with targets in hand as part of its background."""
         return self.likelihood.beside(scan, hand.beliefs.states, hand.beliefs.log_weights, existence)
 
+    def _closely(self, scan: Any, belief: Belief) -> Float[Array, " point"]:
+        """Log ratio at the points of a belief, from as near as the likelihood can look."""
+        if not isinstance(self.likelihood, Zooming):
+            return self.likelihood.log_ratio(scan, belief.states)
+        return self.likelihood.zoomed(scan, belief.states, belief.log_weights).log_ratio(belief.states)
+
+    def _prepared(self, scan: Any) -> Any:
+        return self.likelihood.prepared(scan) if isinstance(self.likelihood, Preparing) else scan
+
     def _sought(
         self, sought: Belief, hand: Hand, new: Bool[Array, " slot"], scan: Any, key: PRNGKeyArray
-    ) -> tuple[Belief, Float[Array, ""]]:
-        """Belief about a target that is not in hand, after a scan; what is new in hand is cut out of it."""
-        scan = self._beside(scan, hand, hand.heard_existence)
-        if isinstance(self.likelihood, Preparing):
-            scan = self.likelihood.prepared(scan)
+    ) -> tuple[Belief, Bool[Array, "*points"]]:
+        """Belief about a target that is not in hand, without what is new in hand; which states are near one in hand."""
         guided = self.guided and isinstance(self.likelihood, Proposing)
         guide = {"guide": partial(self.likelihood.propose, scan)} if guided else {}
         predicted = self.filter.predict(sought, scan.time, key, **guide)
         close = self.likelihood.alike(scan, predicted.states, _means(hand.beliefs))
         among = (-1, *(1,) * (close.ndim - 1))
         near = jnp.any(close & hand.active.reshape(among), axis=0)
-        log_ratio = jnp.where(near, 0, log_ratios(self.likelihood, scan, predicted.states))
-        return update(_without(predicted, jnp.any(close & new.reshape(among), axis=0)), log_ratio)
+        return _without(predicted, jnp.any(close & new.reshape(among), axis=0)), near
 
-    def _taken(self, found: Found, scan: Any, key: PRNGKeyArray) -> Found:
-        """Take in hand what has been found at one place, where there is such and a free slot."""
+    def _taken(self, found: Found, predicted: Belief, more: Bool[Array, ""], scan: Any, key: PRNGKeyArray) -> Found:
+        """Take in hand what has been found at one place, as it was predicted, where there is such and a free slot."""
         sought, hand, labels = found.sought, found.hand, found.labels
 
         def look() -> Found:
             for_peak, for_choice = jax.random.split(key)
             inside, log_share = self._peak(sought, scan, for_peak)
-            sure = jax.nn.sigmoid(sought.log_odds + log_share) >= self.declare
+            sure = more & (jax.nn.sigmoid(sought.log_odds + log_share) >= self.declare)
             taken = sure & ~jnp.all(hand.active)
             mine = taken & (jnp.arange(self.targets) == jnp.argmin(hand.active))
-            new = self.filter.taken(sought, inside, for_choice)
+            new = self.filter.taken(predicted, inside, for_choice)
             beliefs = jax.tree.map(
                 lambda held, new: jnp.where(mine.reshape(-1, *(1,) * new.ndim), new[None].astype(held.dtype), held),
                 hand.beliefs,
                 new,
             )
             held = Hand(beliefs, jnp.where(mine, jnp.inf, hand.heard), jnp.where(mine, labels + 1, hand.label))
-            rest = _without(sought, inside)
-            left = jax.tree.map(lambda cut, whole: jnp.where(taken, cut, whole), rest, sought)
-            return Found(left, held, labels + taken, found.log_evidence, found.full | (sure & ~taken))
+            full = found.full | (sure & ~taken)
+            return Found(sought, held, mine, labels + taken, found.log_evidence, full)
 
         return jax.lax.cond(sought.existence >= self.declare, look, lambda: found)
 
