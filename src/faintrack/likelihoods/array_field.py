@@ -92,7 +92,7 @@ class ArrayField(eqx.Module):
 
     Attributes
     ----------
-    columns : :math:`G^{-1} = I - Q Q^*` in every bin, `COLUMNS` of each source.
+    columns : :math:`G^{-1} = I - Q Q^*` in every bin.
     patterns : B, with :math:`G = I + B B^*`; zero where nothing is left of a column.
     spectra : :math:`G^{-1} z`.
     energy : E.
@@ -101,8 +101,8 @@ class ArrayField(eqx.Module):
     power, gain : P and w of every beam, where they have been worked out already.
     """
 
-    columns: Complex[Array, "*scan frequency column channel"]
-    patterns: Complex[Array, "*scan frequency column channel"]
+    columns: Complex[Array, "*scan source column frequency channel"]
+    patterns: Complex[Array, "*scan source column frequency channel"]
     spectra: Complex[Array, "*scan snapshot frequency channel"]
     energy: Float[Array, "*scan frequency"]
     dimensions: Float[Array, "*scan frequency"]
@@ -199,16 +199,15 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
         stretched = jnp.sqrt(2 * CURVATURE) * lag
         faded = jnp.exp(-CURVATURE * lag**2)
         shapes = jnp.stack([stretched**order / math.sqrt(math.factorial(order)) for order in range(ORDERS)]) * faded
-        shapes = jnp.broadcast_to(shapes, (len(frequency), *shapes.shape))
-        shapes = jnp.concatenate([shapes, turned[:, None]], axis=1)
-        patterns = middle[:, None] * shapes * jnp.sqrt(level)
+        shapes = jnp.broadcast_to(shapes[:, None], (ORDERS, *turned.shape))
+        patterns = middle * jnp.concatenate([shapes, turned[None]]) * jnp.sqrt(level)
 
         def one(place: Any, held: tuple[Array, ...]) -> tuple[Array, ...]:
             columns, left, spectra, share = held
-            column, row = patterns[:, place], COLUMNS * number + place + first
-            inner = jnp.einsum("frc,fc->fr", columns.conj(), column)
+            column = patterns[place]
+            inner = jnp.einsum("srfc,fc->srf", columns.conj(), column)
             alone = column if noise is None else noise.solved(column)
-            solved = alone - jnp.einsum("fr,frc->fc", inner, columns)
+            solved = alone - jnp.einsum("srf,srfc->fc", inner, columns)
             whole = jnp.einsum("fc,fc->f", column.conj(), alone).real
             rest = jnp.einsum("fc,fc->f", column.conj(), solved).real
             # What lies in loud columns already but for a rounding error is left out.
@@ -217,8 +216,8 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
             along = jnp.einsum("fc,kfc->kf", column.conj(), spectra)
             spectra = spectra - jnp.einsum("kf,fc->kfc", along / scale, solved)
             column_of_inverse = solved / jnp.sqrt(scale)[:, None]
-            columns = columns.at[:, row].set(column_of_inverse)
-            left = left.at[:, row].set(jnp.where((scale < CLOSED)[:, None], column, 0))
+            columns = columns.at[first + number, place].set(column_of_inverse)
+            left = left.at[first + number, place].set(jnp.where((scale < CLOSED)[:, None], column, 0))
             # What the column takes of the trace, less what of it is there under the level itself.
             taken = jnp.sum(jnp.abs(column_of_inverse) ** 2, axis=1) if noise is None else 1 - 1 / scale
             return columns, left, spectra, share + taken - true * (1 - 1 / scale)
@@ -226,8 +225,8 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
         return jax.lax.fori_loop(0, COLUMNS, one, held)
 
     before = scan.field if scan.field is not None else _empty(scan)
-    first, noise = before.columns.shape[1], before.noise
-    room = ((0, 0), (0, COLUMNS * len(sources.bearing)), (0, 0))
+    first, noise = len(before.columns), before.noise
+    room = ((0, len(sources.bearing)), (0, 0), (0, 0), (0, 0))
     start = (jnp.pad(before.columns, room), jnp.pad(before.patterns, room), before.spectra, jnp.zeros_like(frequency))
     each = (sources.bearing, sources.deviation, level, true, jnp.arange(len(sources.bearing)))
     (columns, left, spectra, share), _ = jax.lax.scan(added, start, each)
@@ -241,19 +240,19 @@ def _empty(scan: BeamScan) -> ArrayField:
     """Field without a source, in white noise."""
     assert scan.spectra is not None
     bins, channels = scan.spectra.shape[1:]
-    none = jnp.zeros((bins, 0, channels), scan.spectra.dtype)
+    none = jnp.zeros((0, COLUMNS, bins, channels), scan.spectra.dtype)
     return ArrayField(none, none, scan.spectra, scan.total_power, jnp.full_like(scan.total_power, scan.channels))
 
 
 def _energy(
     spectra: Complex[Array, "snapshot frequency channel"],
-    patterns: Complex[Array, "frequency column channel"],
+    patterns: Complex[Array, "source column frequency channel"],
     noise: NoiseModes | None,
 ) -> Float[Array, " frequency"]:
     """E from what is left of the spectra (the module's last equation)."""
     alone = spectra if noise is None else noise.applied(spectra)
-    inside = jnp.einsum("frc,kfc->kfr", patterns.conj(), spectra)
-    return jnp.sum((spectra.conj() * alone).real, axis=(0, 2)) + jnp.sum(jnp.abs(inside) ** 2, axis=(0, 2))
+    inside = jnp.einsum("srfc,kfc->srkf", patterns.conj(), spectra)
+    return jnp.sum((spectra.conj() * alone).real, axis=(0, 2)) + jnp.sum(jnp.abs(inside) ** 2, axis=(0, 1, 2))
 
 
 @full_precision
@@ -279,17 +278,16 @@ def beams_beside(
     field = scan.field
     if field.power is not None:
         return field.power, field.gain
-    alone = ~jnp.any(field.columns.real != 0) & (field.noise is None)
+    used = jnp.any(field.columns.real != 0, axis=(1, 2, 3))
 
-    def taken(columns: Complex[Array, "column frequency channel"]) -> Float[Array, "frequency bearing"]:
-        nothing = jnp.zeros((columns.shape[1], beamformer.grid.beams), field.energy.dtype)
-        some = jnp.any(columns.real != 0)
-        return jax.lax.cond(some, lambda: beamformer.beam_power(columns[None])[0], lambda: nothing)
+    def less(number: Any, gain: Float[Array, "frequency bearing"]) -> Float[Array, "frequency bearing"]:
+        own = jax.lax.dynamic_index_in_dim(field.columns, number)
+        return jax.lax.cond(used[number], lambda: gain - beamformer.beam_power(own)[0], lambda: gain)
 
-    stacked = jnp.moveaxis(field.columns, 1, 0)
-    stacked = stacked.reshape(-1, COLUMNS, *stacked.shape[1:])
-    before = scan.channels if field.noise is None else field.noise.gain
-    gain = before - jnp.sum(jax.lax.map(taken, stacked), axis=0)
+    shape = (len(field.energy), beamformer.grid.beams)
+    before = jnp.full(shape, scan.channels) if field.noise is None else field.noise.gain
+    gain = jax.lax.fori_loop(0, len(used), less, before) if len(used) else before
+    alone = ~jnp.any(used) & (True if field.noise is None else field.noise.white)
     power = jax.lax.cond(alone, lambda: scan.beam_power, lambda: beamformer.beam_power(field.spectra[None])[0])
     return power, jnp.maximum(gain, 0)
 

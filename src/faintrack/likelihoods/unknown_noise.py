@@ -106,7 +106,7 @@ def _heard(
     if noise is not None:
         stacked = jnp.moveaxis(vectors, 1, 0)
         gain = jnp.moveaxis(jnp.sum((stacked.conj() * noise.solved(stacked)).real, axis=2), 0, 1)
-    taken = jnp.sum(jnp.abs(jnp.einsum("fbc,frc->frb", vectors.conj(), scan.field.columns)) ** 2, axis=1)
+    taken = jnp.sum(jnp.abs(jnp.einsum("fbc,srfc->srfb", vectors.conj(), scan.field.columns)) ** 2, axis=(0, 1))
     return power, jnp.maximum(gain - taken, 0)
 
 

@@ -13,7 +13,8 @@ power :math:`y_i` of each mode :math:`v_i^T z`. With the scale integrated out th
 .. math:: -M \log \sum_i \frac{y_i}{\mu_i} - \sum_i \log \mu_i
 
 for every snapshot, summed over some neighbouring bins; the share is the best of `SHARES`. The powers are remembered for
-`MEMORY` frames, without what the sources in hand are held to have put there, so that a source that stays is not learnt.
+`MEMORY` frames, without what the sources in hand are held to have put there, so that a source that stays is not
+learnt. All of the first frames are learnt from, and one in `EVERY` of the others.
 
 What does not fit shows in the modes: where those that beams read are louder than the others, as the model has them, a
 beam holds more than one of M parts of the energy. With :math:`r_i = y_i / \mu_i`, and :math:`c_i` the part that mode i
@@ -22,45 +23,31 @@ has of :math:`d^* G_0^{-1} d`, averaged over the beams, the energy has the dimen
 .. math:: M' = \sum_i r_i \Big/ \sum_i c_i r_i .
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamScan, steering
 from faintrack.signal.beamformer import Beamformer
 
-SHARES = np.array(
-    [
-        0,
-        0.002,
-        0.005,
-        0.01,
-        0.02,
-        0.03,
-        0.05,
-        0.08,
-        0.12,
-        0.2,
-        0.3,
-        0.4,
-        0.5,
-        0.6,
-        0.7,
-        0.8,
-        0.9,
-        0.95,
-        0.98,
-        0.99,
-    ]
-)
+# fmt: off
+SHARES = np.array([
+    0, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99,
+])
+# fmt: on
 """Of isotropic noise that are told apart; some noise of the sensors is always left."""
 
 MEMORY = 60.0
 """Frames that are remembered."""
+
+EVERY = 4
+"""Frames from one that is learnt from to the next; the first few all are."""
 
 LOUD_DB = 10.0
 """SNR of a source at one channel from which on what it leaves behind is no noise; dB."""
@@ -78,12 +65,14 @@ class NoiseModes(eqx.Module):
     weights : one over mu.
     gain : :math:`d^* G_0^{-1} d` of every beam.
     dimensions : :math:`M'`.
+    white : whether all of mu are 1.
     """
 
     vectors: Float[Array, "frequency channel mode"]
     weights: Float[Array, "frequency mode"]
     gain: Float[Array, "frequency bearing"]
     dimensions: Float[Array, " frequency"]
+    white: Bool[Array, ""]
 
     def solved(self, values: Complex[Array, "*stack frequency channel"]) -> Complex[Array, "*stack frequency channel"]:
         """Vectors times the inverse of the covariance."""
@@ -97,12 +86,28 @@ class NoiseModes(eqx.Module):
     def _times(
         self, variance: Float[Array, "frequency mode"], values: Complex[Array, "*stack frequency channel"]
     ) -> Complex[Array, "*stack frequency channel"]:
-        def part(values: Float[Array, "*stack frequency channel"]) -> Float[Array, "*stack frequency channel"]:
-            modes = jnp.einsum("fcm,...fc->...fm", self.vectors, values)
-            return jnp.einsum("fcm,...fm->...fc", self.vectors, variance * modes)
+        def times() -> Complex[Array, "*stack frequency channel"]:
+            # XLA multiplies real matrices at twice the speed of a real and a complex one.
+            parts = jnp.stack([values.real, values.imag])
+            modes = jnp.einsum("fcm,p...fc->p...fm", self.vectors, parts)
+            return jax.lax.complex(*jnp.einsum("fcm,p...fm->p...fc", self.vectors, variance * modes))
 
-        # XLA multiplies real matrices at twice the speed of a real and a complex one.
-        return jax.lax.complex(part(values.real), part(values.imag))
+        return jax.lax.cond(self.white, lambda: values, times)
+
+
+class Learnt(eqx.Module):
+    """What is remembered of the noise.
+
+    Attributes
+    ----------
+    powers : of the modes; all zero before the first frame.
+    share : number of the likeliest of `SHARES`.
+    frames : since the start.
+    """
+
+    powers: Float[Array, "frequency mode"]
+    share: Int[Array, " frequency"]
+    frames: Int[Array, ""]
 
 
 class ArrayBackground(eqx.Module):
@@ -119,23 +124,23 @@ class ArrayBackground(eqx.Module):
     gains: Float[Array, "share frequency bearing"]
     parts: Float[Array, "share frequency mode"]
 
-    def init(self) -> Float[Array, "frequency mode"]:
-        """Powers of the modes before any frame."""
-        return jnp.zeros_like(self.values)
+    def init(self) -> Learnt:
+        """What is remembered before any frame."""
+        return Learnt(jnp.zeros_like(self.values), jnp.zeros(len(self.values), jnp.int32), jnp.array(0, jnp.int32))
 
-    def noise(self, powers: Float[Array, "frequency mode"], scan: BeamScan, loudest_db: Float[Array, ""]) -> NoiseModes:
+    def noise(self, learnt: Learnt, scan: BeamScan, loudest_db: Float[Array, ""]) -> NoiseModes:
         """Noise of a frame, from what is remembered; of the first, from the frame itself.
 
         Parameters
         ----------
-        powers : that are remembered.
+        learnt : so far.
         scan : with its spectra.
         loudest_db : SNR of the loudest source in hand. Above `LOUD_DB` what it leaves behind hides the noise between
             channels, which then counts as white.
         """
-        known = jnp.any(powers > 0)
-        powers = jax.lax.cond(known, lambda: powers, lambda: self.powers(scan.spectra).astype(powers.dtype))
-        share = self.share(powers)
+        known = jnp.any(learnt.powers > 0)
+        learnt = jax.lax.cond(known, lambda: learnt, lambda: self._fitted(learnt, self.powers(scan.spectra)))
+        share, powers = learnt.share, learnt.powers
         mu = self._spread(jnp.asarray(SHARES, powers.dtype)[share])
         gain = jnp.take_along_axis(self.gains, share[None, :, None], axis=0)[0]
         relative = _smooth(powers.T).T / mu
@@ -144,10 +149,39 @@ class ArrayBackground(eqx.Module):
         # Beams that hold less than their part have lost it to sources in hand, and say nothing of the noise.
         dimensions = jnp.sum(relative, axis=1) / jnp.where(in_beams > 0, in_beams, 1)
         dimensions = jnp.minimum(dimensions, relative.shape[1])
-        # With a channel missing the modes are others: the noise of such a frame counts as white.
-        whole = (scan.channels == self.values.shape[1]) & (loudest_db <= LOUD_DB)
+        whole = self._whole(scan, loudest_db)
         weights, gain = jnp.where(whole, 1 / mu, 1), jnp.where(whole, gain, scan.channels)
-        return NoiseModes(self.vectors, weights, gain, jnp.where(whole, dimensions, scan.channels))
+        return NoiseModes(self.vectors, weights, gain, jnp.where(whole, dimensions, scan.channels), ~whole)
+
+    def learn(
+        self, learnt: Learnt, scan: BeamScan, explained: Callable[[], BeamScan], loudest_db: Float[Array, ""]
+    ) -> Learnt:
+        """What is remembered after a frame; one with a channel missing or a loud source is passed over.
+
+        Parameters
+        ----------
+        learnt : before.
+        scan : of the frame.
+        explained : gives the scan with the sources in hand as part of its background, in white noise.
+        loudest_db : as of `noise`.
+        """
+        due = (learnt.frames < 2 * EVERY) | (learnt.frames % EVERY == 0)
+
+        def taken() -> Learnt:
+            passed = jnp.where(learnt.frames < 2 * EVERY, 1, EVERY)
+            powers = self.powers(explained().field.spectra).astype(learnt.powers.dtype)
+            return self._fitted(learnt, (1 - passed / MEMORY) * learnt.powers + passed * powers)
+
+        after = jax.lax.cond(due & self._whole(scan, loudest_db), taken, lambda: learnt)
+        return eqx.tree_at(lambda after: after.frames, after, learnt.frames + 1)
+
+    def _whole(self, scan: BeamScan, loudest_db: Float[Array, ""]) -> Bool[Array, ""]:
+        """Whether modes are those of a frame: with a channel missing they are others, and the noise counts as white."""
+        return (scan.channels == self.values.shape[1]) & (loudest_db <= LOUD_DB)
+
+    def _fitted(self, learnt: Learnt, powers: Float[Array, "frequency mode"]) -> Learnt:
+        powers = powers.astype(learnt.powers.dtype)
+        return Learnt(powers, self.share(powers).astype(jnp.int32), learnt.frames)
 
     def share(self, powers: Float[Array, "frequency mode"]) -> Array:
         """Number of the likeliest of `SHARES` in every bin (the module's second equation)."""
@@ -168,21 +202,6 @@ class ArrayBackground(eqx.Module):
         power = jnp.sum(sum(part**2 for part in parts), axis=0)
         total = jnp.sum(power, axis=1, keepdims=True)
         return jnp.where(total > 0, power / jnp.where(total > 0, total, 1), 0)
-
-    def learn(
-        self, powers: Float[Array, "frequency mode"], scan: BeamScan, loudest_db: Float[Array, ""]
-    ) -> Float[Array, "frequency mode"]:
-        """What is remembered after a frame; one with a channel missing or a loud source is passed over.
-
-        Parameters
-        ----------
-        powers : remembered so far.
-        scan : with the sources in hand as part of its background, in white noise.
-        loudest_db : as of `noise`.
-        """
-        whole = (scan.channels == self.values.shape[1]) & (loudest_db <= LOUD_DB)
-        learnt = (1 - 1 / MEMORY) * powers + self.powers(scan.field.spectra)
-        return jnp.where(whole, learnt, powers)
 
     def _spread(self, share: Float[Array, " frequency"]) -> Float[Array, "frequency mode"]:
         """Variance of every mode, mu."""

@@ -218,7 +218,7 @@ class ManyTargetsTracker(eqx.Module):
             found, number = carried
             hand = self._updated(found.hand, found.unread, scan, jax.random.fold_in(for_hand, number))
             new = hand.label > seeking.labels
-            beside = self._prepared(self._beside(scan, hand, hand.heard_existence))
+            beside = self._prepared(self.beside(scan, hand))
             predicted, near = self._sought(seeking.sought, hand, new, beside, for_sought)
             log_ratio = log_ratios(self.likelihood, beside, predicted.states)
             sought, log_evidence = update(predicted, jnp.where(near, 0, log_ratio))
@@ -235,6 +235,18 @@ class ManyTargetsTracker(eqx.Module):
     def steps(self, seeking: Seeking, scans: Any, key: PRNGKeyArray) -> tuple[Seeking, ManyEstimate]:
         """Take in a stack of scans in one compiled loop; the estimates are stacked."""
         return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), seeking, scans)
+
+    def beside(self, scan: Any, hand: Hand, existence: Float[Array, " slot"] | None = None) -> Any:
+        """Scan with targets in hand as part of its background, each with the probability that it exists and is heard.
+
+        Parameters
+        ----------
+        scan : of the sensor.
+        hand : targets.
+        existence : in place of their own.
+        """
+        existence = hand.heard_existence if existence is None else existence
+        return self.likelihood.beside(scan, hand.beliefs.states, hand.beliefs.log_weights, existence)
 
     def _carried(self, hand: Hand, scan: Any, key: PRNGKeyArray) -> Hand:
         """Targets in hand, carried forward to a scan."""
@@ -262,7 +274,7 @@ class ManyTargetsTracker(eqx.Module):
 
         def updated(belief: Belief, heard: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             others = jnp.where(number == slot, 0, expected)
-            return self._heard(belief, heard, self._beside(scan, hand, others), key)
+            return self._heard(belief, heard, self.beside(scan, hand, others), key)
 
         def as_it_is(belief: Belief, heard: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             return belief, heard
@@ -300,10 +312,6 @@ class ManyTargetsTracker(eqx.Module):
             )
             belief = dataclasses.replace(belief, log_weights=log_weights)
         return dataclasses.replace(belief, log_odds=log_odds + gained), heard
-
-    def _beside(self, scan: Any, hand: Hand, existence: Float[Array, " slot"]) -> Any:
-        """Scan with targets in hand as part of its background."""
-        return self.likelihood.beside(scan, hand.beliefs.states, hand.beliefs.log_weights, existence)
 
     def _closely(self, scan: Any, belief: Belief) -> Float[Array, " point"]:
         """Log ratio at the points of a belief, from as near as the likelihood can look."""

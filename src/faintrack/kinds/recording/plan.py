@@ -65,10 +65,8 @@ class RecordingStep(eqx.Module):
         noise = self.background.noise(memory, frame, loudest(following.hand))
         following, estimate = tracker.step(following, in_noise(frame, noise), key)
         hand = following.hand
-        explained = tracker.likelihood.beside(
-            frame, hand.beliefs.states, hand.beliefs.log_weights, hand.heard_existence
-        )
-        return (self.background.learn(memory, explained, loudest(hand)), following), (estimate, row)
+        memory = self.background.learn(memory, frame, lambda: tracker.beside(frame, hand), loudest(hand))
+        return (memory, following), (estimate, row)
 
 
 def loudest(hand: Hand) -> Float[Array, ""]:
