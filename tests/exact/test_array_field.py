@@ -68,7 +68,7 @@ def test_numbers_of_the_field(array: SensorArray) -> None:
         for bearing, deviation, snr, existence in zip(
             *(np.asarray(part, float) for part in dataclasses.astuple(SOURCES)), strict=True
         ):
-            level = 4 * snr * (1 + channels * snr) * (1 + snr) ** 2 * existence
+            level = 4 * snr * (1 + channels * snr) * (1 + snr / 10) ** 4 * existence
             delays = np.asarray(array.delays(np.array(bearing)))
             lag = (delays - delays.mean()) * resolution
             middle = vectors(np.array([bearing]))[0]

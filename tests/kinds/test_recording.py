@@ -47,9 +47,36 @@ def test_two_sources_at_once_have_a_label_each() -> None:
     result = ft.track(recording(Source(0.0, 0.8), Source(-15.0, 2.2)), array=ARRAY)
     assert sorted(round(np.radians(track.average("bearing")), 1) for track in result.tracks) == [0.8, 2.2]
     # The loud one in its first frame; the faint one stays to the end as well.
-    assert max(track.start_s for track in result.tracks) < 8
+    assert max(track.start_s for track in result.tracks) < 10
     assert all(track.end_s == result.data.time[-1] for track in result.tracks)
     assert np.all(result.data.label[:, -1] == 0)
+
+
+@pytest.mark.parametrize("level", [20.0, 40.0])
+def test_a_loud_source_has_one_label_from_its_first_frame_on(level: float) -> None:
+    result = ft.track(recording(Source(level, 0.8)), array=ARRAY)
+    (only,) = result.tracks
+    assert (only.start_s, only.end_s) == (result.data.time[0], result.data.time[-1])
+    bearing = np.asarray(result.data.bearing)[np.asarray(result.data.label) == 1]
+    np.testing.assert_allclose(np.radians(bearing), 0.8, atol=2e-3)
+    assert result.remarks == ("The SNR of target 1 is at the upper end of target.snr_db, 20 dB, or beyond it.",)
+
+
+def test_a_target_for_which_there_is_no_room_is_told() -> None:
+    two = recording(Source(0.0, 0.8), Source(0.0, 2.2), Source(0.0, 1.5), duration=5.0)
+    result = ft.track(two, array=ARRAY, tracker={"targets": 2})
+    assert len(result.tracks) == 2
+    assert result.summary()["full_scans"] > 0
+    assert any("one more target was found than the 2" in remark for remark in result.remarks)
+    assert result.scenario.tracker.targets == 2
+
+
+def test_a_likelihood_of_one_target_says_so() -> None:
+    result = ft.track(
+        recording(Source(0.0, 0.8), duration=5.0), array=ARRAY, likelihood={"kind": "known_noise", "noise_power": 1.0}
+    )
+    assert result.scenario.tracker.targets == 1
+    assert any("knows of one target" in remark for remark in result.remarks)
 
 
 def test_noise_from_all_directions_is_no_source() -> None:

@@ -147,11 +147,13 @@ def track(
         blocks = laid_beside(blocks, truth, plan)
     if out is None:
         held = [block if pictures else block.drop_vars(PICTURES, errors="ignore") for block in blocks]
-        return Result(joined(held), plan.scenario, kind, clock.perf_counter() - start, _remarks(data, plan))
+        found = joined(held)
+        return Result(found, plan.scenario, kind, clock.perf_counter() - start, _remarks(data, plan, found))
     with result_folder(out) as folder:
         write_blocks(folder, blocks)
         seconds = clock.perf_counter() - start
-        result = Result(open_blocks(folder), plan.scenario, kind, seconds, _remarks(data, plan))
+        found = open_blocks(folder)
+        result = Result(found, plan.scenario, kind, seconds, _remarks(data, plan, found))
         write_rest(folder, result)
     return _reported(read_result(out), Path(out) / "report.html")
 
@@ -415,9 +417,21 @@ def _paths(what: Any) -> tuple[Path, ...]:
     return paths
 
 
-def _remarks(data: Any, plan: Plan) -> tuple[str, ...]:
-    """What a user must know of data and of how they were taken in; each sentence once."""
-    return tuple(dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks())))
+def _remarks(data: Any, plan: Plan, found: xr.Dataset) -> tuple[str, ...]:
+    """What a user must know of data, of how they were taken in and what was lost; each sentence once."""
+    return tuple(dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks(), *_no_room(found))))
+
+
+def _no_room(found: xr.Dataset) -> tuple[str, ...]:
+    """What is said where targets were found and all slots taken."""
+    scans = int(found["full"].sum()) if "full" in found else 0
+    if not scans:
+        return ()
+    slots = found.sizes["slot"] - 1
+    return (
+        f"In {scans} of {found.sizes['time']} scans one more target was found than the {slots} that are followed at "
+        "once; raise tracker.targets.",
+    )
 
 
 def _reported(result: Result, file: Path) -> Result:

@@ -1,9 +1,10 @@
 """From the section of a tracker to one of many targets, or of one."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 from faintrack.errors import InputError
 from faintrack.likelihoods.protocols import Beside
+from faintrack.scenario.section import Section
 from faintrack.scenario.sections import ManySection
 from faintrack.targets.silence import Silence
 from faintrack.trackers.many import Carrying, ManyTargetsTracker
@@ -19,6 +20,28 @@ RETURNS = 0.8
 """Share of silences that end by the target being heard again."""
 
 Tracker = ManyTargetsTracker | SingleTargetTracker
+
+
+Chosen = TypeVar("Chosen", bound=Section)
+
+
+def with_targets(scenario: Chosen, tracker: Any) -> Chosen:
+    """Scenario with the number of targets of its tracker filled in; that of a tracker of another method is left."""
+    if not isinstance(tracker, Tracker):
+        return scenario
+    targets = tracker.targets if isinstance(tracker, ManyTargetsTracker) else 1
+    section: Any = getattr(scenario, "tracker")  # noqa: B009
+    return scenario.model_copy(update={"tracker": section.model_copy(update={"targets": targets})})
+
+
+def about_targets(table: ManySection, tracker: Any) -> tuple[str, ...]:
+    """What a user must know of how many targets are followed."""
+    if table.targets is None and isinstance(tracker, SingleTargetTracker):
+        return (
+            "This likelihood knows of one target: of several at once the strongest is followed, and the others "
+            "move it.",
+        )
+    return ()
 
 
 def number_of_targets(likelihood: Any, table: ManySection) -> int:

@@ -23,7 +23,7 @@ the taper with itself, taken as a Gaussian, channels i and j share
 Its spectrum is not known either, and a source at the end of what SNR a likelihood reads may be far louder: the level
 that is taken from it grows from four times its own where it is faint to all of it where it is loud,
 
-.. math:: L = 4 a (1 + M a) (1 + a)^2 q ,
+.. math:: L = 4 a (1 + M a) (1 + a / 10)^4 q ,
 
 q its existence. Of M dimensions a frame then holds as many as expected under the level a itself,
 
@@ -34,7 +34,8 @@ inverse of :math:`G + b b^*` is :math:`G^{-1} - u u^* / s`. The energy is summed
 
 .. math:: E = \sum_k \left[ y_k^* G_0 y_k + \sum_b |b^* y_k|^2 \right], \qquad y_k = G^{-1} z_k ,
 
-since beside a source of 60 dB nothing of it would be left of a difference in single precision.
+since beside a source of 60 dB nothing of it would be left of a difference in single precision. Of louder ones single
+precision leaves a residual of its own; as much counts as energy.
 
 **Alike** are two directions whose steering vectors have a coherence :math:`|d^* d'|^2 / M^2` above one half,
 averaged over the band: sources so near each other are one to the array.
@@ -76,6 +77,9 @@ MISPLACED = 0.02
 
 ROUNDED = 1e-5
 """Share of a column below which it lies in the span of others, in single precision."""
+
+IMPRECISE = 1e-8
+"""Share of what was received that single precision may leave behind."""
 
 CURVATURE = 2 * np.pi**2 / 3
 """Of the correlation of Hann's window with itself, in units of its length."""
@@ -179,7 +183,7 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
     # Channels that are silent in a frame hear no source either.
     used = (jnp.sum(jnp.abs(scan.spectra) ** 2, axis=(0, 1)) > 0).astype(dtype)
     snr, channels = sources.snr, scan.channels
-    level = 4 * snr * (1 + channels * snr) * (1 + snr) ** 2 * sources.existence
+    level = 4 * snr * (1 + channels * snr) * (1 + snr / 10) ** 4 * sources.existence
     true = jnp.where(level > 0, snr * sources.existence / jnp.where(level > 0, level, 1), 0)
 
     def added(held: Any, source: Any) -> tuple[Any, None]:
@@ -231,7 +235,8 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
     each = (sources.bearing, sources.deviation, level, true, jnp.arange(len(sources.bearing)))
     (columns, left, spectra, share), _ = jax.lax.scan(added, start, each)
     some = jnp.any(level > 0)
-    energy = jax.lax.cond(some, lambda: _energy(spectra, left, noise), lambda: before.energy)
+    lost = IMPRECISE * scan.total_power
+    energy = jax.lax.cond(some, lambda: _energy(spectra, left, noise) + lost, lambda: before.energy)
     dimensions = jnp.maximum(before.dimensions - share, 1)
     return dataclasses.replace(scan, field=ArrayField(columns, left, spectra, energy, dimensions, noise))
 

@@ -76,10 +76,12 @@ class Beamformer(eqx.Module):
             scaled = scaled[:, : self.grid.snapshots * self.snapshot]
             parts = scaled.reshape(count, self.grid.snapshots, self.snapshot, channels)
         else:
+            positive = _positive(scaled)
             starts = _starts(scaled.shape[1], self.snapshot)
-            parts = jnp.stack([scaled[:, start : start + self.snapshot] for start in starts], axis=1)
+            parts = jnp.stack([positive[:, start : start + self.snapshot] for start in starts], axis=1)
             parts = parts * self.window[:, None]
-        return jnp.fft.rfft(parts, axis=2)[:, :, self.first_bin : self.first_bin + self.grid.frequency.size]
+        transform = jnp.fft.rfft if self.window is None else jnp.fft.fft
+        return transform(parts, axis=2)[:, :, self.first_bin : self.first_bin + self.grid.frequency.size]
 
     def beam_power(
         self, spectra: Complex[Array, "frame snapshot frequency channel"]
@@ -208,8 +210,13 @@ def beamformer(
     if size < 4:
         raise InputError(f"frame is {frame:g} s, {length} samples at {sample_rate:g} Hz; expected at least 4 samples.")
     resolution = sample_rate / size
+    tapered = taper and length // size > 1
     bins = np.arange(1, (size - 1) // 2 + 1)
     bins = bins[(bins * resolution >= low) & (bins * resolution <= high)]
+    clear = (bins >= 2) & (bins <= size / 2 - 3)
+    if tapered and clear.any():
+        # Where a taper meets the negative frequencies of a loud source, which seem to come from its mirror image.
+        bins = bins[clear]
     if bins.size == 0:
         raise InputError(
             f"band {low:g} to {high:g} Hz holds no frequency bin; bins are {resolution:g} Hz apart for "
@@ -223,7 +230,7 @@ def beamformer(
     if beams < 8:
         raise InputError(f"beams is {beams}; expected at least 8.")
     snapshots, independent, window = length // size, 1.0, None
-    if taper and snapshots > 1:
+    if tapered:
         squared = np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 4
         snapshots, independent = len(_starts(length, size)), _independent(length, squared)
         window = jnp.asarray(np.sqrt(squared / squared.mean()), dtype)
@@ -241,6 +248,18 @@ def beamformer(
     phase = 2 * np.pi * frequency[:, None, None] * delays.T
     cosine, sine = (jnp.asarray(part, dtype) for part in (share * np.cos(phase), np.sin(phase)))
     return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), cosine, sine, mirrored, window)
+
+
+def _positive(samples: Float[Array, "frame sample channel"]) -> Complex[Array, "frame sample channel"]:
+    """Positive frequencies of each frame.
+
+    A taper spreads the negative ones of a loud source into bins near zero and near half the sample rate, where they
+    seem to come from its mirror image. Taken from the whole frame, what is left of them lies at its ends, where the
+    taper is small.
+    """
+    length = samples.shape[1]
+    spectra = jnp.fft.rfft(samples, axis=1)[:, 1 : (length + 1) // 2]
+    return jnp.fft.ifft(jnp.pad(spectra, ((0, 0), (1, length - 1 - spectra.shape[1]), (0, 0))), axis=1)
 
 
 def _starts(length: int, size: int) -> range:

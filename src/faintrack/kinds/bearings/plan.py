@@ -20,7 +20,7 @@ from faintrack.kinds.bearings.build import build_sensor, build_tracker, chosen
 from faintrack.kinds.bearings.sections import BearingsScenario
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
-from faintrack.kinds.several import Tracker
+from faintrack.kinds.several import Tracker, with_targets
 from faintrack.numerics.precision import full_precision
 from faintrack.results.schema import NORTH, estimated, planar
 from faintrack.sensors.bearing_sets import ObserverSets
@@ -93,7 +93,7 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
         return data.assign_coords(observer=("observer", bearings.observers, number)).assign_attrs(attributes)
 
     return Plan(
-        scenario=chosen(scenario),
+        scenario=with_targets(chosen(scenario), tracker),
         step=BearingsStep(tracker),
         state=begun(tracker, scenario.filter.seed),
         read=read,

@@ -28,7 +28,7 @@ from faintrack.kinds.frames.build import (
 from faintrack.kinds.frames.sections import FramesScenario
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
-from faintrack.kinds.several import Tracker
+from faintrack.kinds.several import Tracker, with_targets
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import HALF, Component, estimated
 from faintrack.sensors.cells import Cells, cell_surface
@@ -128,7 +128,7 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         return _snapshots(sequence.times[snapshots] - sequence.times[0], shown, np.asarray(state[2]), sequence)
 
     return Plan(
-        scenario=chosen(scenario, sequence),
+        scenario=with_targets(chosen(scenario, sequence), tracker),
         step=FramesStep(background, tracker, cells),
         state=(background.init(first), begun(tracker, scenario.filter.seed), surfaces),
         read=read,

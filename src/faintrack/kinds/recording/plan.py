@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
@@ -21,13 +22,13 @@ from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
 from faintrack.kinds.recording.build import build_background, build_tracker, default_snr_db
 from faintrack.kinds.recording.sections import RecordingScenario
-from faintrack.kinds.several import Tracker
+from faintrack.kinds.several import Tracker, about_targets, with_targets
 from faintrack.likelihoods.array_field import in_noise
 from faintrack.results.schema import AXIS, NORTH, bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamScan, bearings, lobe_width
-from faintrack.signal.array_background import ArrayBackground
+from faintrack.signal.array_background import ArrayBackground, Learnt
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies
 from faintrack.signal.frames import framed, frames
@@ -36,6 +37,9 @@ from faintrack.trackers.many import Hand
 BLOCK_BYTES = 8 * 2**20
 """Beam power held at once; frames a block follow from it. What lies on the way to it takes several times as much:
 beyond some 30 MiB the memory of every block is fetched anew from the system, which takes longer than the sums."""
+
+AT_END_DB = 0.5
+"""Below the largest SNR of targets, from which on it is the end that is told; dB."""
 
 LONGEST_BLOCK = 32
 """Frames a block at most: beyond it the beamformer gains nothing."""
@@ -62,10 +66,28 @@ class RecordingStep(eqx.Module):
             following, estimate = self.tracker.step(following, frame, key)
             return (memory, following), (estimate, row)
         tracker: Any = self.tracker
-        noise = self.background.noise(memory, frame, loudest(following.hand))
-        following, estimate = tracker.step(following, in_noise(frame, noise), key)
-        hand = following.hand
-        memory = self.background.learn(memory, frame, lambda: tracker.beside(frame, hand), loudest(hand))
+        background = self.background
+
+        def taken_in(known: Learnt, loudest_db: Array) -> tuple[Any, Any, Learnt, Array]:
+            noise = background.noise(known, frame, loudest_db)
+            after, estimate = tracker.step(following, in_noise(frame, noise), key)
+            hand = after.hand
+            learnt = background.learn(memory, frame, lambda: tracker.beside(frame, hand), loudest(hand))
+            return after, estimate, learnt, loudest(hand)
+
+        def body(carried: Any) -> Any:
+            number, (_, _, learnt, loudest_db) = carried
+            first = number == 0
+            known = jax.tree.map(lambda old, new: jnp.where(first, old, new), memory, learnt)
+            return number + 1, taken_in(known, jnp.where(first, loudest(following.hand), loudest_db))
+
+        def unfinished(carried: Any) -> Array:
+            # The first frame is its own background, and is taken in again without the sources that it holds.
+            return (carried[0] == 0) | ((carried[0] == 1) & (memory.frames == 0))
+
+        shapes = jax.eval_shape(taken_in, memory, loudest(following.hand))
+        start = jax.tree.map(lambda shape: jnp.zeros(shape.shape, shape.dtype), shapes)
+        _, (following, estimate, memory, _) = jax.lax.while_loop(unfinished, body, (0, start))
         return (memory, following), (estimate, row)
 
 
@@ -101,6 +123,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     frame_bytes = 4 * max(beamformer.grid.frequency.size * beamformer.grid.beams, length * recording.channels)
     # Of a run that is taken up again it is not known what was heard before.
     heard = np.ones(recording.channels, bool)
+    loudest_db, ends = (scenario.target.snr_db or default_snr_db(array, beamformer.grid))[1], set[int]()
 
     def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         block = framed(clean.recording, length, start, min(stop, count) - start)
@@ -112,10 +135,12 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         np.logical_or(heard, usable.any(axis=0), out=heard)
         if start + len(usable) == count:
             _require_heard(recording, array, heard)
+        estimates = outputs[0]
+        ends.update(np.unique(estimates.label[np.asarray(estimates.mean.snr_db) > loudest_db - AT_END_DB]).tolist())
         return _dataset(block[0], usable, *outputs, array, recording, scenario.analysis.frame)
 
     return Plan(
-        scenario=_chosen(scenario, array, beamformer, recording.sample_rate),
+        scenario=with_targets(_chosen(scenario, array, beamformer, recording.sample_rate), tracker),
         step=RecordingStep(beamformer, background, tracker),
         state=(None if background is None else background.init(), begun(tracker, scenario.filter.seed)),
         read=read,
@@ -128,11 +153,22 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
             *rule,
             *straight,
             *about_array(array, described, beamformer, recording.sample_rate),
+            *about_targets(scenario.tracker, tracker),
             *about_levels(CleanRecording(recording).recording, array),
         ),
-        remarks=lambda: (*clean.remarks(), *_rest(recording, count * length)),
+        remarks=lambda: (*clean.remarks(), *_rest(recording, count * length), *_louder(ends - {0}, loudest_db)),
         within=math.degrees(lobe_width(array, float(beamformer.grid.frequency[-1]))),
     )
+
+
+def _louder(labels: set[int], loudest_db: float) -> tuple[str, ...]:
+    """Of which targets the SNR is not told."""
+    if not labels:
+        return ()
+    whose = (
+        f"target {next(iter(labels))} is" if len(labels) == 1 else f"targets {', '.join(map(str, sorted(labels)))} are"
+    )
+    return (f"The SNR of {whose} at the upper end of target.snr_db, {loudest_db:g} dB, or beyond it.",)
 
 
 def _rest(recording: Recording, used: int) -> tuple[str, ...]:

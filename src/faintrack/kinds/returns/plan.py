@@ -23,7 +23,7 @@ from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
 from faintrack.kinds.returns.build import build_binned, build_grid, build_tracker, chosen, ping_interval
 from faintrack.kinds.returns.sections import ReturnsScenario
-from faintrack.kinds.several import Tracker
+from faintrack.kinds.several import Tracker, with_targets
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import estimated, of_scans, planar
 from faintrack.sensors.active import Ping
@@ -119,7 +119,7 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         return _maps(since[snapshots], [np.asarray(held) for held in state[1]], grid)
 
     return Plan(
-        scenario=chosen(scenario),
+        scenario=with_targets(chosen(scenario), tracker),
         step=ReturnsStep(tracker, grid),
         state=(begun(tracker, scenario.filter.seed), maps),
         read=read,
