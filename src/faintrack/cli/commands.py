@@ -129,6 +129,9 @@ def info(
     kind: KindName = None,
     array: ArrayFile = None,
     settings: Settings = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Look for reversed, exchanged or louder channels of an array.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Tell what files hold, what was assumed, and the command that tracks them.
@@ -138,7 +141,7 @@ def info(
     from faintrack import info as tell
     from faintrack.cli.options import sections_of
 
-    about = tell(*files, scenario=scenario, **sections_of(settings, kind, array))
+    about = tell(*files, scenario=scenario, check=check, **sections_of(settings, kind, array))
     print(json.dumps(about.as_dict()) if as_json else about)
 
 

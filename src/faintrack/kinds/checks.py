@@ -1,11 +1,14 @@
 """Set-ups of arrays that can tell little or nothing: told before a run, by `faintrack info` and in the report."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from faintrack.data.recording import Recording
 from faintrack.scenario.array import ArrayDescription
 from faintrack.sensors.array import SensorArray, straightened
 from faintrack.signal.beamformer import Beamformer
+from faintrack.signal.channels import Doubt
 
 SMALLEST, LARGEST = 0.25, 2000.0
 """Lengths of the shortest wave that an array spans at least to tell a bearing, and at most to be an array of one."""
@@ -115,6 +118,34 @@ def about_levels(recording: Recording, array: SensorArray) -> tuple[str, ...]:
         "array that corrects it, or the channel in its list of dead ones."
         for number in np.flatnonzero(np.abs(np.nan_to_num(off)) > LOUDER_DB)
     )
+
+
+def about_channels(names: Sequence[str], found: Sequence[Doubt]) -> tuple[str, ...]:
+    """Channels with which a source is much better heard changed; one sentence each.
+
+    Parameters
+    ----------
+    names : of all channels.
+    found : by `faintrack.signal.channels.doubts`.
+    """
+    remarks = []
+    for doubt in found:
+        told = f"the evidence of a source is {doubt.before:.0f} nats as it is and {doubt.after:.0f} with that changed"
+        if len(doubt.channels) == 2:
+            one, two = (names[number] for number in doubt.channels)
+            remarks.append(f"Channels {one} and {two} seem to be exchanged: {told}. Is their order that of the array?")
+        elif doubt.factor < 0:
+            name = names[doubt.channels[0]]
+            remarks.append(
+                f"Channel {name} seems to have its poles reversed: {told}. List it in inverted of the array."
+            )
+        else:
+            name, size = names[doubt.channels[0]], "half" if doubt.factor > 1 else "twice"
+            remarks.append(
+                f"Channel {name} seems to have {size} the gain of the others: {told}. Multiply its gain in the array "
+                f"by {doubt.factor:g}."
+            )
+    return tuple(remarks)
 
 
 def _grating_lobe(array: SensorArray, frequency: np.ndarray) -> tuple[float, float] | None:

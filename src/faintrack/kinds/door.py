@@ -230,16 +230,30 @@ def read(*paths: str | Path | list[str | Path], kind: str | None = None, scenari
     return data
 
 
-def info(*paths: str | Path | list[str | Path], kind: str | None = None, scenario: Any = None, **sections: Any) -> Info:
-    """What files hold, what was assumed, and the command that tracks them; arguments as `read`.
+def info(
+    *paths: str | Path | list[str | Path],
+    kind: str | None = None,
+    scenario: Any = None,
+    check: bool = False,
+    **sections: Any,
+) -> Info:
+    """What files hold, what was assumed, and the command that tracks them.
+
+    Parameters
+    ----------
+    paths, kind, scenario, sections : as `read`.
+    check : whether to look closely at the sensor too: of an array, polarity, gain and order of its channels, as far as
+        the sources in the recording tell (`faintrack.signal.channels`).
 
     Raises
     ------
-    InputError : as `read`.
+    InputError : as `read`; or there is nothing to check.
     """
     given = {**sections, **({} if kind is None else {"kind": kind})}
     found, data, complete = opened(paths, scenario, given, reading=True)
-    remarks = (*getattr(data, "remarks", ()), *(() if complete is None else _checked(found, data, complete)))
+    remarks = (*getattr(data, "remarks", ()), *(() if complete is None else _checked(found, data, complete, check)))
+    if check and complete is None:
+        raise InputError(f"{found.name}: a check needs {' '.join(found.needs) or 'a scenario'}.")
     files = " ".join(map(str, _paths(paths)))
     needed = "" if isinstance(scenario, str | Path) is False else f" --scenario {scenario}"
     if not needed and found.needs:
@@ -247,12 +261,17 @@ def info(*paths: str | Path | list[str | Path], kind: str | None = None, scenari
     return Info(found.name, found.describe(data), tuple(dict.fromkeys(remarks)), f"faintrack track {files}{needed}")
 
 
-def _checked(kind: Kind, data: Any, scenario: Scenario) -> tuple[str, ...]:
-    """What a scenario cannot tell of data, or why it does not fit them."""
+def _checked(kind: Kind, data: Any, scenario: Scenario, closely: bool) -> tuple[str, ...]:
+    """What a scenario cannot tell of data, or why it does not fit them; where asked, what a close look finds."""
     try:
-        return kind.plan(data, scenario).checks
+        plan = kind.plan(data, scenario)
     except InputError as error:
         return (str(error),)
+    if not closely:
+        return plan.checks
+    if plan.check is None:
+        raise InputError(f"{kind.name}: there is nothing to check; expected a recording of an array.")
+    return (*plan.checks, *plan.check())
 
 
 def read_result(folder: str | Path) -> Result:

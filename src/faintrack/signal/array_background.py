@@ -38,7 +38,8 @@ from faintrack.signal.beamformer import Beamformer
 
 # fmt: off
 SHARES = np.array([
-    0, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999,
+    0, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8,
+    0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999,
 ])
 # fmt: on
 """Of isotropic noise that are told apart; some noise of the sensors is always left."""

@@ -21,6 +21,7 @@ from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
 from faintrack.kinds.recording.build import build_background, build_tracker, default_snr_db
+from faintrack.kinds.recording.channels import FRAMES, LoudFrames
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.kinds.several import Tracker, about_targets, with_targets
 from faintrack.likelihoods.array_field import in_noise
@@ -123,6 +124,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     frame_bytes = 4 * max(beamformer.grid.frequency.size * beamformer.grid.beams, length * recording.channels)
     # Of a run that is taken up again it is not known what was heard before.
     heard = np.ones(recording.channels, bool)
+    loud = LoudFrames(beamformer)
     loudest_db, ends = (scenario.target.snr_db or default_snr_db(array, beamformer.grid))[1], set[int]()
 
     def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -136,8 +138,25 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         if start + len(usable) == count:
             _require_heard(recording, array, heard)
         estimates = outputs[0]
+        loud.take(start, block[1], np.asarray(estimates.existence).reshape(len(usable), -1))
         ends.update(np.unique(estimates.label[np.asarray(estimates.mean.snr_db) > loudest_db - AT_END_DB]).tolist())
         return _dataset(block[0], usable, *outputs, array, recording, scenario.analysis.frame)
+
+    def check() -> tuple[str, ...]:
+        spread = LoudFrames(beamformer)
+        for number in np.unique(np.linspace(0, count - 1, FRAMES).round().astype(int)):
+            spread.take(number, read(number, number + 1)[1], np.zeros((1, 1)))
+        return spread.remarks(recording.channel_names) or (
+            "With no other polarity, gain or order of its channels the array hears a source much better.",
+        )
+
+    def remarks() -> tuple[str, ...]:
+        return (
+            *clean.remarks(),
+            *_rest(recording, count * length),
+            *_louder(ends - {0}, loudest_db),
+            *loud.remarks(recording.channel_names),
+        )
 
     return Plan(
         scenario=with_targets(_chosen(scenario, array, beamformer, recording.sample_rate), tracker),
@@ -156,7 +175,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
             *about_targets(scenario.tracker, tracker),
             *about_levels(CleanRecording(recording).recording, array),
         ),
-        remarks=lambda: (*clean.remarks(), *_rest(recording, count * length), *_louder(ends - {0}, loudest_db)),
+        remarks=remarks,
+        check=check,
         within=math.degrees(lobe_width(array, float(beamformer.grid.frequency[-1]))),
     )
 
