@@ -1,0 +1,156 @@
+r"""Bins finer than a sonar resolves: told by their returns, and thinned to those that are independent.
+
+Where bins are finer than the resolution, or beams overlap, noise that exceeds the threshold in one does so in its
+neighbours too, and counted one by one it is as many times the evidence that it is. Of independent bins one that lies
+some bins from a return holds another as often as any bin; of linked ones more often. With :math:`n_l` the pairs of
+returns that lie l bins apart along one axis in one ping and one row of bins, of N returns, bins l apart are linked where
+
+.. math:: \frac{n_l - \bar n}{N} > \text{`LINKED`} ,
+
+with :math:`\bar n` the pairs at `FAR`, where all are independent and so tell the level of the place. Echoes of targets
+too lie beside each other, but in few places: of blocks of delay and bearing the quarter with most pairs is left out.
+
+Every c-th bin is then one of a sonar with bins c times as wide, and c the least number from which on none are linked. What
+falls between is not read. An echo loses at most what it loses between two bins of any sonar that has them as wide.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from faintrack.beliefs.axis import Axis
+from faintrack.data.returns import Returns
+from faintrack.sensors.active import ActiveSonar
+from faintrack.signal.pings import Binned, in_bins
+
+LINKED = 0.01
+"""Share of the returns that have another at a distance, beyond what chance gives, from which on such bins are linked."""
+
+LONGEST = 16
+"""Bins that are linked at most."""
+
+FAR = np.arange(20, 32)
+"""Bins apart that are independent."""
+
+BLOCKS = 16
+"""Of delay and of bearing, in which pairs are counted."""
+
+FEWEST = 10
+"""Pairs that tell anything."""
+
+
+def linked_bins(binned: Binned) -> tuple[int, int, int]:
+    """Bins of delay, bearing and Doppler from one to the next that is independent of it; 1 where each is.
+
+    Of beams it is a divisor of their number; 1 where there is none.
+
+    Examples
+    --------
+    >>> import math
+    >>> from faintrack.beliefs.axis import Axis
+    >>> from faintrack.data.returns import from_columns
+    >>> from faintrack.sensors.active import Pulse
+    >>> sonar = ActiveSonar(Pulse(2350.0, 1.0, 50.0), Axis(4.0, 0.005, 4000), 72, math.radians(5), None)
+    >>> rng = np.random.default_rng(0)
+    >>> pairs = rng.permutation(1990 * 72)[:400]
+    >>> delay = 4.0 + 0.01 * np.repeat(pairs // 72, 2) + np.tile([0.0, 0.005], 400)
+    >>> columns = {"time_s": np.zeros(800), "delay_s": delay, "bearing_deg": np.repeat(5.0 * (pairs % 72), 2)}
+    >>> linked_bins(in_bins(from_columns(columns | {"snr_db": np.full(800, 12.0)}), sonar, 8.0))
+    (2, 1, 1)
+    """
+    return (_linked(binned, 0), _linked(binned, 1), _linked(binned, 2))
+
+
+def _linked(binned: Binned, axis: int) -> int:
+    shape, ping = binned.sonar.shape, binned.returns.ping[binned.order]
+    count, longest = shape[axis], min(LONGEST, shape[axis] // 4)
+    if longest < 1 or not len(ping):
+        return 1
+    keys = np.ravel_multi_index((ping, *binned.bins.T), (binned.returns.length, *shape))
+
+    def beside(lag: int) -> Bool[np.ndarray, " return"]:
+        """Returns with another some bins on."""
+        bins = binned.bins.copy()
+        bins[:, axis] += lag
+        inside = bins[:, axis] < count
+        bins[:, axis] %= count
+        other = np.ravel_multi_index((ping, *bins.T), (binned.returns.length, *shape))
+        return (inside | (axis == 1)) & np.isin(other, keys)
+
+    blocks = (binned.bins[:, :2] * BLOCKS // np.array(shape[:2])) @ [BLOCKS, 1]
+    held = np.bincount(blocks, minlength=BLOCKS**2)
+    far = [lag for lag in FAR if lag < count - longest]
+    chance = sum(np.bincount(blocks[beside(lag)], minlength=BLOCKS**2) for lag in far) / max(len(far), 1)
+    linked = 0
+    for lag in range(1, longest + 1):
+        pairs = np.bincount(blocks[beside(lag)], minlength=BLOCKS**2)
+        kept = np.argsort(pairs)[: len(pairs) - -(-np.count_nonzero(held) // 4)]
+        more = (pairs - chance)[kept].sum()
+        if pairs[kept].sum() >= FEWEST and more > LINKED * held[kept].sum():
+            linked = lag
+    step = linked + 1
+    # Evenly around: the last beam is a neighbour of the first.
+    even = [number for number in range(step, count // 3 + 1) if count % number == 0]
+    return step if axis != 1 else even[0] if even else 1
+
+
+def thinned(binned: Binned, every: tuple[int, int, int], threshold: float) -> Binned:
+    """Returns of every so many bins alone, in a sonar that has no others.
+
+    Parameters
+    ----------
+    binned : in all bins.
+    every : bins of delay, bearing and Doppler from one that is kept to the next.
+    threshold : that every return exceeds, over the mean power of the noise; linear.
+    """
+    if every == (1, 1, 1):
+        return binned
+    sonar, returns = binned.sonar, binned.returns
+    beams = sonar.beams // every[1]
+    delay, bearing, doppler = wider(sonar.reach, every)
+    kept = np.sort(binned.order[(binned.bins % np.array(every) == 0).all(axis=1)])
+    coarse = ActiveSonar(
+        sonar.pulse,
+        _coarse(sonar.delay, every[0]),
+        beams,
+        sonar.beam_width,
+        None if sonar.doppler is None else _coarse(sonar.doppler, every[2]),
+        sonar.pair,
+        (delay, min(bearing, (beams - 1) // 2), doppler),
+    )
+    fewer = _of(returns, kept)
+    return in_bins(fewer, coarse, threshold, binned.pair)
+
+
+def wider(bins: tuple[int, int, int], every: tuple[int, int, int]) -> tuple[int, int, int]:
+    """As many bins in steps of some.
+
+    Examples
+    --------
+    >>> wider((12, 6, 0), (3, 1, 1))
+    (4, 6, 0)
+    """
+    delay, bearing, doppler = (-(-number // step) for number, step in zip(bins, every, strict=True))
+    return delay, bearing, doppler
+
+
+def _coarse(axis: Axis, every: int) -> Axis:
+    return Axis(axis.first, axis.step * every, -(-axis.count // every))
+
+
+def _of(returns: Returns, kept: Int[np.ndarray, " return"]) -> Returns:
+    """Some of the returns of all pings."""
+
+    def chosen(values: Float[np.ndarray, " return"]) -> Float[np.ndarray, " return"]:
+        return values[kept]
+
+    return replace(
+        returns,
+        ping=returns.ping[kept],
+        delay=chosen(returns.delay),
+        bearing=chosen(returns.bearing),
+        power=chosen(returns.power),
+        doppler=None if returns.doppler is None else chosen(returns.doppler),
+        rows=returns.rows[kept],
+    )
