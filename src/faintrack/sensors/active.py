@@ -190,8 +190,8 @@ class Ping(eqx.Module):
     power : of the returns, over the mean power of the noise; linear.
     there : whether an entry is a return; those that are not come last.
     pair : source and receiver, where they move.
-    rate : probability that the background alone exceeds the threshold in the bin of each return, where it is not that of
-        noise with mean 1. Powers are then those that the same excess would have in such noise
+    rate : probability that the background alone exceeds the threshold in the bin of each return, where it is not that
+        of noise with mean 1. Powers are then those that an excess as rare has in such noise
         (`faintrack.signal.returns_background`).
     """
 

@@ -1,43 +1,49 @@
 r"""Bins finer than a sonar resolves: told by their returns, and thinned to those that are independent.
 
 Where bins are finer than the resolution, or beams overlap, noise that exceeds the threshold in one does so in its
-neighbours too, and counted one by one it is as many times the evidence that it is. Of independent bins one that lies
+neighbours too, and counted one by one it is several times the evidence that it is. Of independent bins one that lies
 some bins from a return holds another as often as any bin; of linked ones more often. With :math:`n_l` the pairs of
-returns that lie l bins apart along one axis in one ping and one row of bins, of N returns, bins l apart are linked where
+returns that lie l bins apart along one axis in one ping and alike along the others, of N returns, such bins are linked
+where
 
 .. math:: \frac{n_l - \bar n}{N} > \text{`LINKED`} ,
 
 with :math:`\bar n` the pairs at `FAR`, where all are independent and so tell the level of the place. Echoes of targets
-too lie beside each other, but in few places: of blocks of delay and bearing the quarter with most pairs is left out.
+too lie beside each other, but in few places: no block of delay and bearing counts more than one pair and twice the
+median of the blocks, and pairs must lie in a share `SPREAD` of those that hold returns, in `FEWEST` at least.
 
-Every c-th bin is then one of a sonar with bins c times as wide, and c the least number from which on none are linked. What
-falls between is not read. An echo loses at most what it loses between two bins of any sonar that has them as wide.
+Every c-th bin is then one of a sonar with bins c times as far apart, and c the least number from which on none are
+linked. What falls between is not read. An echo loses at most what it loses between two bins of any such sonar.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from faintrack.beliefs.axis import Axis
 from faintrack.data.returns import Returns
 from faintrack.sensors.active import ActiveSonar
 from faintrack.signal.pings import Binned, in_bins
 
-LINKED = 0.01
-"""Share of the returns that have another at a distance, beyond what chance gives, from which on such bins are linked."""
+LINKED = 0.02
+"""Share of the returns that have another at a distance, beyond chance, from which on such bins are linked."""
 
 LONGEST = 16
 """Bins that are linked at most."""
 
-FAR = np.arange(20, 32)
+FAR = range(20, 32)
 """Bins apart that are independent."""
 
-BLOCKS = 16
+BLOCKS = 8
 """Of delay and of bearing, in which pairs are counted."""
 
-FEWEST = 10
-"""Pairs that tell anything."""
+SPREAD = 1 / 3
+"""Of the blocks with returns, in which there are pairs where bins are linked."""
+
+FEWEST = 8
+"""Blocks with pairs that tell anything."""
 
 
 def linked_bins(binned: Binned) -> tuple[int, int, int]:
@@ -70,7 +76,7 @@ def _linked(binned: Binned, axis: int) -> int:
     keys = np.ravel_multi_index((ping, *binned.bins.T), (binned.returns.length, *shape))
 
     def beside(lag: int) -> Bool[np.ndarray, " return"]:
-        """Returns with another some bins on."""
+        """Whether each return has another some bins on."""
         bins = binned.bins.copy()
         bins[:, axis] += lag
         inside = bins[:, axis] < count
@@ -79,15 +85,18 @@ def _linked(binned: Binned, axis: int) -> int:
         return (inside | (axis == 1)) & np.isin(other, keys)
 
     blocks = (binned.bins[:, :2] * BLOCKS // np.array(shape[:2])) @ [BLOCKS, 1]
-    held = np.bincount(blocks, minlength=BLOCKS**2)
-    far = [lag for lag in FAR if lag < count - longest]
-    chance = sum(np.bincount(blocks[beside(lag)], minlength=BLOCKS**2) for lag in far) / max(len(far), 1)
+    holding = len(np.unique(blocks))
+
+    def pairs(lag: int) -> Int[np.ndarray, " block"]:
+        return np.bincount(blocks[beside(lag)], minlength=BLOCKS**2)
+
+    far = [pairs(lag) for lag in FAR if lag < count - longest]
     linked = 0
     for lag in range(1, longest + 1):
-        pairs = np.bincount(blocks[beside(lag)], minlength=BLOCKS**2)
-        kept = np.argsort(pairs)[: len(pairs) - -(-np.count_nonzero(held) // 4)]
-        more = (pairs - chance)[kept].sum()
-        if pairs[kept].sum() >= FEWEST and more > LINKED * held[kept].sum():
+        near = pairs(lag)
+        most = 1 + 2 * np.median(near)
+        more = np.minimum(near, most).sum() - sum(np.minimum(each, most).sum() for each in far) / max(len(far), 1)
+        if np.count_nonzero(near) >= max(SPREAD * holding, FEWEST) and more > LINKED * len(ping):
             linked = lag
     step = linked + 1
     # Evenly around: the last beam is a neighbour of the first.
@@ -139,18 +148,8 @@ def _coarse(axis: Axis, every: int) -> Axis:
     return Axis(axis.first, axis.step * every, -(-axis.count // every))
 
 
-def _of(returns: Returns, kept: Int[np.ndarray, " return"]) -> Returns:
+def _of(returns: Returns, kept: Int[np.ndarray, " kept"]) -> Returns:
     """Some of the returns of all pings."""
-
-    def chosen(values: Float[np.ndarray, " return"]) -> Float[np.ndarray, " return"]:
-        return values[kept]
-
-    return replace(
-        returns,
-        ping=returns.ping[kept],
-        delay=chosen(returns.delay),
-        bearing=chosen(returns.bearing),
-        power=chosen(returns.power),
-        doppler=None if returns.doppler is None else chosen(returns.doppler),
-        rows=returns.rows[kept],
-    )
+    names = ("ping", "delay", "bearing", "power", "rows", *(() if returns.doppler is None else ("doppler",)))
+    chosen: dict[str, Any] = {name: getattr(returns, name)[kept] for name in names}
+    return replace(returns, **chosen)

@@ -11,9 +11,9 @@ generalised Pareto distribution (Pickands 1975), here that of a power Z with
     \sigma_k = \frac{\xi \eta}{1 - p_k^\xi} ,
 
 in which the level :math:`\lambda` follows from the rate. The **shape** :math:`\xi` is 0 for exponential noise of any
-level and 1/N after a normaliser over N cells; it is fitted by what the excesses say of each of `SHAPES`, all larger than
-`CENSORED` scales counted as that large, so that targets not yet in hand do not fit a tail. A return is then read as one
-with the excess that is as rare in the model's noise,
+level and 1/N after a normaliser over N cells; it is fitted by what the excesses say of each of `SHAPES`, of those above
+`CENSORED` scales only that they are, so that echoes of targets not yet in hand fit no tail. A return is then read as
+one with the excess that is as rare in the model's noise,
 
 .. math:: y'_k = \frac{1}{\xi} \log\left(1 + \frac{\xi y_k}{\sigma_k}\right) ,
 
@@ -30,6 +30,7 @@ been found raises the rate of its delays and bearings a little.
 
 import dataclasses
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -114,7 +115,7 @@ class ReturnsBackground(eqx.Module):
 
     def init(self) -> Heard:
         """What is remembered before any ping."""
-        returns = tuple(jnp.zeros_like(size) for size in self.sizes)
+        returns = jax.tree.map(jnp.zeros_like, self.sizes)
         return Heard(jnp.zeros(()), returns, jnp.zeros(len(SHAPES)))
 
     def read(self, heard: Heard, ping: Ping) -> Read:
@@ -155,9 +156,8 @@ class ReturnsBackground(eqx.Module):
         """
         kept = 1 - 1 / MEMORY
         weight = jnp.where(ping.there, 1 - of_targets, 0)
-        returns = tuple(
-            (kept * before).at[place].add(weight)
-            for before, place in zip(heard.returns, self._places(ping), strict=True)
+        returns = jax.tree.map(
+            lambda before, place: (kept * before).at[place].add(weight), heard.returns, self._places(ping)
         )
         return Heard(kept * heard.pings + 1, returns, kept * heard.fits + weight @ read.fits)
 
@@ -170,12 +170,12 @@ class ReturnsBackground(eqx.Module):
         weight = jnp.minimum(before + 1, LEVEL)
         return alone * remembered * (count + weight) / (remembered * expected + weight)
 
-    def _places(self, ping: Ping) -> list[Int[Array, " return"]]:
+    def _places(self, ping: Ping) -> tuple[Int[Array, " return"], ...]:
         """Stretches that returns lie in, along each axis."""
-        return [
+        return tuple(
             stretch(ping.bins[..., axis], count, len(size))
             for axis, (count, size) in enumerate(zip(self.bins, self.sizes, strict=True))
-        ]
+        )
 
 
 def returns_background(sonar: ActiveSonar, threshold: float, shape: float | None = None) -> ReturnsBackground:
@@ -202,11 +202,13 @@ def returns_background(sonar: ActiveSonar, threshold: float, shape: float | None
     sizes = []
     for count in sonar.shape:
         leaves = 2 ** math.ceil(math.log2(min(count, LEAVES)))
-        sizes.append(jnp.asarray(np.bincount(stretch(np.arange(count), count, leaves), minlength=leaves) / count, float))
+        sizes.append(
+            jnp.asarray(np.bincount(stretch(np.arange(count), count, leaves), minlength=leaves) / count, float)
+        )
     return ReturnsBackground((sizes[0], sizes[1], sizes[2]), shape, float(threshold), sonar.shape)
 
 
-def stretch(number: Int[Array, "..."], count: int, leaves: int) -> Int[Array, "..."]:
+def stretch(number: Any, count: int, leaves: int) -> Any:
     """Number of the stretch that a bin of an axis lies in."""
     return number * leaves // count
 
@@ -234,8 +236,8 @@ def profile(counts: Float[Array, " leaf"], sizes: Float[Array, " leaf"]) -> Floa
     Notes
     -----
     Of n returns in a stretch m fall into its left half, which has the share s of its bins. With the probability
-    :math:`\pi` of `UNEVEN` the share of the returns is any, with a Beta density of the parameters 2 s and 2 (1 - s); the
-    posterior odds of that are
+    :math:`\pi` of `UNEVEN` the share of the returns is any, with a Beta density of the parameters 2 s and 2 (1 - s).
+    The posterior odds of that are
 
     .. math:: \frac{\pi}{1 - \pi}
         \frac{B(m + 2 s, n - m + 2 (1 - s))}{B(2 s, 2 (1 - s))\, s^m (1 - s)^{n - m}}

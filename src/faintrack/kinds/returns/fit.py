@@ -95,19 +95,19 @@ class FitOfPings:
     def _of_rate(self, expected: float) -> str:
         level = self._threshold / -np.log(min(self._returns / self._pings / self._bins, 0.5))
         tail = f" with a tail of shape {self._shape:.2g}" if self._learnt and self._shape >= 0.01 else ""
-        then = "was learnt" if self._learnt else "counts as evidence of targets: expected background.learn"
+        then = "it was learnt" if self._learnt else "existence may be wrong, expected background.learn"
         return (
             f"Pings without a track have {self._returns / self._pings:.4g} returns, where noise of mean 1 gives "
-            f"{expected / self._pings:.4g}: as if it were {10 * np.log10(level):+.2g} dB{tail}. Reverberation, clutter or a "
-            f"normaliser make that; it {then}."
+            f"{expected / self._pings:.4g}: as if it were {10 * np.log10(level):+.2g} dB{tail}. A level that is not 1, "
+            f"reverberation, clutter or a normaliser make that; {then}."
         )
 
     def _of_excess(self, share: float) -> str:
         side = "more" if share > 0.1 else "fewer"
         return (
-            f"Of the returns of pings without a track {100 * share:.3g} % are as loud as the background has a tenth of "
-            f"them, {side} than fit: existence may be wrong. Expected noise that is normalised alike everywhere, a higher "
-            "sonar.threshold_db, or another background.shape."
+            f"Of the returns of pings without a track {100 * share:.3g} % are as loud as the loudest tenth of the "
+            f"background, {side} than fit: existence may be wrong. Expected noise that is normalised alike everywhere, "
+            "a higher sonar.threshold_db, or another background.shape."
         )
 
 
@@ -119,10 +119,11 @@ def about_bins(every: tuple[int, int, int], recognised: bool) -> tuple[str, ...]
     >>> about_bins((1, 1, 1), True)
     ()
     """
-    fine = [f"{name} {number}" for name, number in zip(("delay", "bearing", "Doppler"), every, strict=True) if number > 1]
+    names = "delay", "bearing", "Doppler"
+    fine = [f"{number} in {name}" for name, number in zip(names, every, strict=True) if number > 1]
     if not fine or not recognised:
         return ()
     return (
-        f"Returns come in neighbouring bins together: they are finer than the resolution, and of every {' and '.join(fine)} "
-        "bins one is read (background.every).",
+        "Returns come in neighbouring bins together: the bins are finer than the resolution, and one of every "
+        f"{' and '.join(fine)} is read (background.every).",
     )

@@ -82,9 +82,10 @@ class ReturnsStep(eqx.Module):
             fit = fit_of(ping, self.threshold)
         else:
             read = self.background.read(memory, ping)
-            following, estimate = self.tracker.step(following, read.ping, key)
-            hand, likelihood = following.hand, self.tracker.likelihood
-            of_targets = likelihood.of_targets(read.ping, hand.beliefs.log_weights, hand.heard_existence)
+            tracker: Any = self.tracker
+            following, estimate = tracker.step(following, read.ping, key)
+            hand = following.hand
+            of_targets = tracker.likelihood.of_targets(read.ping, hand.beliefs.log_weights, hand.heard_existence)
             memory = self.background.learn(memory, ping, read, of_targets)
             fit = fit_of(read.ping, self.threshold, read.expected, read.shape)
         belief = following.belief
@@ -139,7 +140,7 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         numbers = np.arange(start, start + count)
         places = _places(binned.sonar.geometry(pings), count)
         estimates, modes, fits = outputs
-        fit.add(fits, binned.returns.counts[numbers], (estimates.label > 0).any(axis=1))
+        fit.add(fits, binned.returns.counts[numbers], np.any(estimates.label.reshape(count, -1) > 0, axis=1))
         data = _dataset(since[numbers], estimates, modes, returns.counts[numbers], places)
         if background is not None:
             data["background_returns"] = of_scans(fits.expected, "1", "returns of the ping expected without a target")

@@ -234,14 +234,15 @@ class ReturnsScenario(Scenario):
         return values
 
     @model_validator(mode="after")
-    def _beams_are_thinned_evenly(self) -> "ReturnsScenario":
+    def _background_fits(self) -> "ReturnsScenario":
         every = self.background.every
-        if every is not None and self.sonar.beams % every[1]:
+        if every is not None and (self.sonar.beams % every[1] or self.sonar.beams < 3 * every[1]):
             raise ValueError(
-                f"background.every has {every[1]} for the bearing: expected a divisor of the {self.sonar.beams} beams"
+                f"background.every has {every[1]} for the bearing: expected a divisor of the {self.sonar.beams} beams "
+                "that leaves 3 beams at least"
             )
         if self.background.shape is not None and self.tracker.targets == 1:
             raise ValueError(
-                "background.shape is given and tracker.targets is 1: expected several, with which the background is learnt"
+                "background.shape is given and tracker.targets is 1: expected several, which learn the background"
             )
         return self
