@@ -15,8 +15,10 @@ from faintrack.signal.returns_background import (
     MEMORY,
     SHAPES,
     UNEVEN,
+    VAGUE,
     Heard,
     ReturnsBackground,
+    level,
     profile,
     returns_background,
     scale,
@@ -79,6 +81,23 @@ def test_powers_are_as_rare_in_noise_of_mean_1(shape: float) -> None:
     np.testing.assert_allclose(read.ping.power[: len(shares)] - THRESHOLD, -np.log(shares), rtol=2e-4)
 
 
+@pytest.mark.parametrize(("count", "expected"), [(0, 1.7), (3, 1.7), (90, 1.7), (45, 38.0)])
+def test_level_is_the_posterior_mean(count: int, expected: float) -> None:
+    """By integrating over the logarithm of the factor, whose density beforehand is Gamma's."""
+
+    def any_factor(power: float) -> float:
+        def joint(log: float) -> float:
+            density = VAGUE * (math.log(VAGUE) + log - math.exp(log)) - math.lgamma(VAGUE)
+            return math.exp(power * log + count * (math.log(expected) + log) - expected * math.exp(log) + density)
+
+        return sum(quad(joint, *ends, epsabs=0, epsrel=1e-10, limit=500)[0] for ends in ((-300, -3), (-3, 8)))
+
+    even = (1 - UNEVEN) * expected**count * math.exp(-expected)
+    found = float(level(jnp.asarray(float(count)), jnp.asarray(expected)))
+    mean = (even + UNEVEN * any_factor(1)) / (even + UNEVEN * any_factor(0))
+    assert found == pytest.approx(mean, rel=2e-4)
+
+
 @pytest.mark.parametrize(("left", "right", "size"), [(7.0, 2.0, 0.5), (3.0, 40.0, 0.25), (20.0, 22.0, 0.5)])
 def test_profile_is_the_posterior_mean(left: float, right: float, size: float) -> None:
     """Of two stretches, by integrating over the share that falls into the left one."""
@@ -107,17 +126,15 @@ def test_rates_keep_their_mean() -> None:
 
 
 def test_levels_by_delay_and_bearing_are_found_again() -> None:
-    """Twice the noise in the first fifth of the delays, half as much more in a quarter of the beams: rates within five
-    standard errors of 20 pings in a stretch, at least 500 returns, and a tenth for what the halves leave."""
+    """Twice the noise in the first fifth of the delays, three times as many returns in a quarter of the beams: rates
+    within five standard errors of 20 pings in a stretch, at least 500 returns, and a tenth for what the halves leave."""
     rng = np.random.default_rng(1)
-    level = np.where(np.arange(1000) < 200, 2.0, 1.0)[:, None] * np.where(np.arange(64) < 16, 1.5, 1.0)
-    # The product of rates, not of levels.
     rate = np.exp(-THRESHOLD / np.where(np.arange(1000) < 200, 2.0, 1.0))[:, None] * np.where(
         np.arange(64) < 16, 3.0, 1
     )
     background = returns_background(SONAR, THRESHOLD)
-    level = THRESHOLD / -np.log(rate)
-    pings = [drawn(rng, level * rng.exponential(size=(1000, 64))) for _ in range(21)]
+    mean = THRESHOLD / -np.log(rate)
+    pings = [drawn(rng, mean * rng.exponential(size=(1000, 64))) for _ in range(21)]
     read = background.read(learnt(background, pings[:-1]), pings[-1])
     bins = np.asarray(read.ping.bins)[np.asarray(read.ping.there)]
     off = np.log(np.asarray(read.ping.rate)[: len(bins)] / rate[bins[:, 0], bins[:, 1]])

@@ -8,9 +8,9 @@ where
 
 .. math:: \frac{n_l - \bar n}{N} > \text{`LINKED`} ,
 
-with :math:`\bar n` the pairs at `FAR`, where all are independent and so tell the level of the place. Echoes of targets
-too lie beside each other, but in few places: no block of delay and bearing counts more than one pair and twice the
-median of the blocks, and pairs must lie in a share `SPREAD` of those that hold returns, in `FEWEST` at least.
+with :math:`\bar n` the pairs that lie farther apart, up to `FAR` bins more, and so tell the level of the place. Echoes
+of targets too lie beside each other, but in few places: no block of delay and bearing counts more than one pair and
+twice the median of the blocks, and pairs must lie in a share `SPREAD` of those that hold returns, in `FEWEST` at least.
 
 Every c-th bin is then one of a sonar with bins c times as far apart, and c the least number from which on none are
 linked. What falls between is not read. An echo loses at most what it loses between two bins of any such sonar.
@@ -33,8 +33,8 @@ LINKED = 0.02
 LONGEST = 16
 """Bins that are linked at most."""
 
-FAR = range(20, 32)
-"""Bins apart that are independent."""
+FAR = 12
+"""Distances beyond those of bins that may be linked, by which chance is known."""
 
 BLOCKS = 8
 """Of delay and of bearing, in which pairs are counted."""
@@ -90,12 +90,12 @@ def _linked(binned: Binned, axis: int) -> int:
     def pairs(lag: int) -> Int[np.ndarray, " block"]:
         return np.bincount(blocks[beside(lag)], minlength=BLOCKS**2)
 
-    far = [pairs(lag) for lag in FAR if lag < count - longest]
+    far = [pairs(lag) for lag in range(longest + 1, min(longest + FAR, count // 2) + 1)]
     linked = 0
     for lag in range(1, longest + 1):
         near = pairs(lag)
         most = 1 + 2 * np.median(near)
-        more = np.minimum(near, most).sum() - sum(np.minimum(each, most).sum() for each in far) / max(len(far), 1)
+        more = np.minimum(near, most).sum() - sum(np.minimum(each, most).sum() for each in far) / len(far)
         if np.count_nonzero(near) >= max(SPREAD * holding, FEWEST) and more > LINKED * len(ping):
             linked = lag
     step = linked + 1

@@ -21,8 +21,9 @@ at the rate of its bin (`faintrack.likelihoods.exceedances`).
 
 **Rates.** A rate is the product of one over all bins and of profiles along delay, bearing and Doppler. A profile is a
 tree of halves: of the returns in a stretch its left half has the share of its bins, or with the probability `UNEVEN`
-beforehand any other (Kolaczyk 1999); what is expected of that after the counts multiplies down the tree. The level of a
-ping itself counts beside what is remembered as much as `LEVEL` returns would, since it may have changed.
+beforehand any other (Kolaczyk 1999); what is expected of that after the counts multiplies down the tree. The rate over
+all is the model's, or with the same probability any other. For it all that is remembered counts no more than `LEVEL`
+returns beside those of the ping itself, since the level may have changed.
 
 What is remembered fades over `MEMORY` pings, and what targets in hand account for is not learnt. A target that has not
 been found raises the rate of its delays and bearings a little.
@@ -51,6 +52,9 @@ LEVEL = 20.0
 
 UNEVEN = 0.1
 """Probability beforehand that halves of a stretch have different rates."""
+
+VAGUE = 0.1
+"""Shape of the density of levels that are any."""
 
 LEAVES = 128
 """Stretches of an axis at most."""
@@ -128,8 +132,8 @@ class ReturnsBackground(eqx.Module):
         """
         there = ping.there.astype(ping.power.dtype)
         places = self._places(ping)
-        level = self._level(heard, there.sum())
-        rate = level
+        whole = self._level(heard, there.sum())
+        rate = whole
         for place, before, size in zip(places, heard.returns, self.sizes, strict=True):
             counts = before.at[place].add(there)
             rate = rate * profile(counts, size)[place]
@@ -143,7 +147,7 @@ class ReturnsBackground(eqx.Module):
             shape = jnp.asarray(max(self.shape, SHAPES[0]), fits.dtype)
         power = self.threshold + jnp.log1p(shape * excess / scale(rate, shape, self.threshold)) / shape
         told = dataclasses.replace(ping, power=jnp.where(ping.there, power, ping.power), rate=rate)
-        return Read(told, fits, level * math.prod(self.bins), shape)
+        return Read(told, fits, whole * math.prod(self.bins), shape)
 
     def learn(self, heard: Heard, ping: Ping, read: Read, of_targets: Float[Array, " return"]) -> Heard:
         """What is remembered after a ping.
@@ -164,11 +168,9 @@ class ReturnsBackground(eqx.Module):
     def _level(self, heard: Heard, count: Float[Array, ""]) -> Float[Array, ""]:
         """Rate over all bins of a ping with a number of returns."""
         alone = math.exp(-self.threshold)
-        expected = alone * math.prod(self.bins)
         before = heard.returns[0].sum()
-        remembered = (before + 1) / (heard.pings * expected + 1)
-        weight = jnp.minimum(before + 1, LEVEL)
-        return alone * remembered * (count + weight) / (remembered * expected + weight)
+        share = jnp.minimum(1, LEVEL / jnp.maximum(before, 1))
+        return alone * level(count + share * before, alone * math.prod(self.bins) * (1 + share * heard.pings))
 
     def _places(self, ping: Ping) -> tuple[Int[Array, " return"], ...]:
         """Stretches that returns lie in, along each axis."""
@@ -223,6 +225,33 @@ def scale(rate: Float[Array, "..."], shape: Float[Array, "..."], threshold: floa
     [1.0, 1.213]
     """
     return -shape * threshold / jnp.expm1(shape * jnp.log(rate))
+
+
+def level(count: Float[Array, ""], expected: Float[Array, ""]) -> Float[Array, ""]:
+    r"""Returns over those that are expected.
+
+    Parameters
+    ----------
+    count : that came.
+    expected : of the model's noise; above 0.
+
+    Notes
+    -----
+    With the probability :math:`\pi` of `UNEVEN` the number is Poisson's with any mean, its factor over the expected E
+    having a Gamma density of shape and rate a, `VAGUE`; otherwise the factor is 1. The posterior odds of the first are
+
+    .. math:: \frac{\pi}{1 - \pi} \frac{\Gamma(n + a)}{\Gamma(a)} \frac{a^a e^E}{(E + a)^{n + a}}
+
+    and the factor expected then is :math:`(n + a) / (E + a)`.
+
+    Examples
+    --------
+    >>> [round(float(level(jnp.array(count), jnp.array(38.0))), 2) for count in (0.0, 40.0, 60.0, 200.0)]
+    [0.0, 1.0, 1.49, 5.25]
+    """
+    log_any = jax.scipy.special.gammaln(count + VAGUE) - math.lgamma(VAGUE) + VAGUE * math.log(VAGUE)
+    log_odds = log_any - (count + VAGUE) * jnp.log(expected + VAGUE) + expected + math.log(UNEVEN / (1 - UNEVEN))
+    return 1 + jax.nn.sigmoid(log_odds) * ((count + VAGUE) / (expected + VAGUE) - 1)
 
 
 def profile(counts: Float[Array, " leaf"], sizes: Float[Array, " leaf"]) -> Float[Array, " leaf"]:
