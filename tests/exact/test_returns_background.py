@@ -127,7 +127,7 @@ def test_rates_keep_their_mean() -> None:
 
 def test_levels_by_delay_and_bearing_are_found_again() -> None:
     """Twice the noise in the first fifth of the delays, three times as many returns in a quarter of the beams: rates
-    within five standard errors of 20 pings in a stretch, at least 500 returns, and a tenth for what the halves leave."""
+    within five standard errors of 20 pings in a stretch, 500 returns at least, and a tenth for what halves leave."""
     rng = np.random.default_rng(1)
     rate = np.exp(-THRESHOLD / np.where(np.arange(1000) < 200, 2.0, 1.0))[:, None] * np.where(
         np.arange(64) < 16, 3.0, 1
