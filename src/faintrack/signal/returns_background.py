@@ -23,7 +23,9 @@ at the rate of its bin (`faintrack.likelihoods.exceedances`).
 tree of halves: of the returns in a stretch its left half has the share of its bins, or with the probability `UNEVEN`
 beforehand any other (Kolaczyk 1999); what is expected of that after the counts multiplies down the tree. The rate over
 all is the model's, or with the same probability any other. For it all that is remembered counts no more than `LEVEL`
-returns beside those of the ping itself, since the level may have changed.
+returns beside those of the ping itself, since the level may have changed. Where Doppler is measured reverberation is a
+ridge that ends after some delay, and no product of profiles: blocks of delay and Doppler have a factor of their own,
+told from 1 by what is remembered alone, with the probability `RIDGE` beforehand.
 
 What is remembered fades over `MEMORY` pings, and what targets in hand account for is not learnt. A target that has not
 been found raises the rate of its delays and bearings a little.
@@ -59,6 +61,12 @@ VAGUE = 0.1
 LEAVES = 128
 """Stretches of an axis at most."""
 
+RIDGE = 1e-3
+"""Probability beforehand that a block of delay and Doppler has another rate than its profiles."""
+
+BLOCKS = 16
+"""Of delay at most, each with every stretch of Doppler."""
+
 COUNTED = 1e4
 """Returns of a stretch at most that its halves are compared by."""
 
@@ -76,11 +84,13 @@ class Heard(eqx.Module):
     ----------
     pings : number of them.
     returns : in the stretches of delay, bearing and Doppler.
+    blocks : returns in blocks of delay and Doppler.
     fits : log likelihood of each shape.
     """
 
     pings: Float[Array, ""]
     returns: tuple[Float[Array, " delay"], Float[Array, " bearing"], Float[Array, " doppler"]]
+    blocks: Float[Array, "block doppler"]
     fits: Float[Array, " shape"]
 
 
@@ -120,7 +130,8 @@ class ReturnsBackground(eqx.Module):
     def init(self) -> Heard:
         """What is remembered before any ping."""
         returns = jax.tree.map(jnp.zeros_like, self.sizes)
-        return Heard(jnp.zeros(()), returns, jnp.zeros(len(SHAPES)))
+        blocks = jnp.zeros((self._blocks, len(self.sizes[2])))
+        return Heard(jnp.zeros(()), returns, blocks, jnp.zeros(len(SHAPES)))
 
     def read(self, heard: Heard, ping: Ping) -> Read:
         """A ping as the background has it that is remembered, and that the ping itself tells.
@@ -133,10 +144,13 @@ class ReturnsBackground(eqx.Module):
         there = ping.there.astype(ping.power.dtype)
         places = self._places(ping)
         whole = self._level(heard, there.sum())
-        rate = whole
-        for place, before, size in zip(places, heard.returns, self.sizes, strict=True):
-            counts = before.at[place].add(there)
-            rate = rate * profile(counts, size)[place]
+        profiles = [
+            profile(before.at[place].add(there), size)
+            for place, before, size in zip(places, heard.returns, self.sizes, strict=True)
+        ]
+        rate = whole * self._ridge(heard, profiles[0], profiles[2])[self._block(places[0]), places[2]]
+        for place, along in zip(places, profiles, strict=True):
+            rate = rate * along[place]
         rate = jnp.clip(rate, LEAST, MOST)
         excess = jnp.maximum(ping.power - self.threshold, 0)
         fits = _fits(excess, rate, self.threshold)
@@ -160,10 +174,10 @@ class ReturnsBackground(eqx.Module):
         """
         kept = 1 - 1 / MEMORY
         weight = jnp.where(ping.there, 1 - of_targets, 0)
-        returns = jax.tree.map(
-            lambda before, place: (kept * before).at[place].add(weight), heard.returns, self._places(ping)
-        )
-        return Heard(kept * heard.pings + 1, returns, kept * heard.fits + weight @ read.fits)
+        places = self._places(ping)
+        returns = jax.tree.map(lambda before, place: (kept * before).at[place].add(weight), heard.returns, places)
+        blocks = (kept * heard.blocks).at[self._block(places[0]), places[2]].add(weight)
+        return Heard(kept * heard.pings + 1, returns, blocks, kept * heard.fits + weight @ read.fits)
 
     def _level(self, heard: Heard, count: Float[Array, ""]) -> Float[Array, ""]:
         """Rate over all bins of a ping with a number of returns."""
@@ -171,6 +185,25 @@ class ReturnsBackground(eqx.Module):
         before = heard.returns[0].sum()
         share = jnp.minimum(1, LEVEL / jnp.maximum(before, 1))
         return alone * level(count + share * before, alone * math.prod(self.bins) * (1 + share * heard.pings))
+
+    @property
+    def _blocks(self) -> int:
+        """Number of blocks along the delay."""
+        return min(BLOCKS, len(self.sizes[0]))
+
+    def _block(self, stretches: Int[Array, " return"]) -> Int[Array, " return"]:
+        """Block of delay that a stretch lies in."""
+        return stretches * self._blocks // len(self.sizes[0])
+
+    def _ridge(
+        self, heard: Heard, delay: Float[Array, " delay"], doppler: Float[Array, " doppler"]
+    ) -> Float[Array, "block doppler"]:
+        """Rates in blocks of delay and Doppler, over those of the profiles."""
+        if len(self.sizes[2]) == 1:
+            return jnp.ones_like(heard.blocks)
+        shares = (self.sizes[0] * delay).reshape(self._blocks, -1).sum(axis=1)
+        expected = heard.blocks.sum() * shares[:, None] * self.sizes[2] * doppler
+        return level(heard.blocks, expected, RIDGE)
 
     def _places(self, ping: Ping) -> tuple[Int[Array, " return"], ...]:
         """Stretches that returns lie in, along each axis."""
@@ -227,17 +260,18 @@ def scale(rate: Float[Array, "..."], shape: Float[Array, "..."], threshold: floa
     return -shape * threshold / jnp.expm1(shape * jnp.log(rate))
 
 
-def level(count: Float[Array, ""], expected: Float[Array, ""]) -> Float[Array, ""]:
+def level(count: Float[Array, "..."], expected: Float[Array, "..."], uneven: float = UNEVEN) -> Float[Array, "..."]:
     r"""Returns over those that are expected.
 
     Parameters
     ----------
     count : that came.
-    expected : of the model's noise; above 0.
+    expected : of the model's noise.
+    uneven : pi, probability beforehand that the factor is not 1.
 
     Notes
     -----
-    With the probability :math:`\pi` of `UNEVEN` the number is Poisson's with any mean, its factor over the expected E
+    With the probability :math:`\pi` the number is Poisson's with any mean, its factor over the expected E
     having a Gamma density of shape and rate a, `VAGUE`; otherwise the factor is 1. The posterior odds of the first are
 
     .. math:: \frac{\pi}{1 - \pi} \frac{\Gamma(n + a)}{\Gamma(a)} \frac{a^a e^E}{(E + a)^{n + a}}
@@ -250,7 +284,7 @@ def level(count: Float[Array, ""], expected: Float[Array, ""]) -> Float[Array, "
     [0.0, 1.0, 1.49, 5.25]
     """
     log_any = jax.scipy.special.gammaln(count + VAGUE) - math.lgamma(VAGUE) + VAGUE * math.log(VAGUE)
-    log_odds = log_any - (count + VAGUE) * jnp.log(expected + VAGUE) + expected + math.log(UNEVEN / (1 - UNEVEN))
+    log_odds = log_any - (count + VAGUE) * jnp.log(expected + VAGUE) + expected + math.log(uneven / (1 - uneven))
     return 1 + jax.nn.sigmoid(log_odds) * ((count + VAGUE) / (expected + VAGUE) - 1)
 
 
