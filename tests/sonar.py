@@ -78,13 +78,24 @@ def responses(sonar: ActiveSonar, place: np.ndarray) -> np.ndarray:
 
 
 def every_bin(
-    sonar: ActiveSonar, snr: float, threshold: float, bins: np.ndarray, power: np.ndarray, place: np.ndarray
+    sonar: ActiveSonar,
+    snr: float,
+    threshold: float,
+    bins: np.ndarray,
+    power: np.ndarray,
+    place: np.ndarray,
+    rate: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Log ratio of the returns for echoes at places in bins (echo, 3): appendix of aughenbaugh2010, eq. 25-29."""
+    """Log ratio of the returns for echoes at places in bins (echo, 3): appendix of aughenbaugh2010, eq. 25-29.
+
+    In a background that exceeds the threshold at a `rate` in every bin a target lowers the probability that the bin is
+    quiet as much as in noise of mean 1.
+    """
     place = np.asarray(place, float)
     likelihoods = []
     for mean in (1 + snr * responses(sonar, place), np.ones((len(place), *sonar.shape))):
         below = 1 - np.exp(-threshold / mean)
+        below = below if rate is None else below / (1 - np.exp(-threshold)) * (1 - rate)
         empty = np.log(below).sum(axis=(1, 2, 3))
         mean, below = (each[:, *np.asarray(bins, int).reshape(-1, 3).T] for each in (mean, below))
         given = (threshold - np.asarray(power)) / mean - np.log(mean)
@@ -192,7 +203,12 @@ def shares(sonar: ActiveSonar, pair: Bistatic, x: Any, y: Any, edges: np.ndarray
 
 
 def mean_ratios(
-    guided: Any, source: tuple[float, float], receiver: tuple[float, float], bins: np.ndarray, power: np.ndarray
+    guided: Any,
+    source: tuple[float, float],
+    receiver: tuple[float, float],
+    bins: np.ndarray,
+    power: np.ndarray,
+    rate: np.ndarray | None = None,
 ) -> np.ndarray:
     """Mean ratio of the cells, shape (x, y, velocity): the sum over all points of the mesh, one by one.
 
@@ -204,7 +220,7 @@ def mean_ratios(
 
     def ratios(bins: np.ndarray, power: np.ndarray, number: np.ndarray) -> np.ndarray:
         """At points of the mesh, shape (point, 3)."""
-        return np.exp(every_bin(sonar, float(likelihood.snr), likelihood.threshold, bins, power, number / finer))
+        return np.exp(every_bin(sonar, float(likelihood.snr), likelihood.threshold, bins, power, number / finer, rate))
 
     none = np.zeros((0, 3), int)
     doppler = np.arange(sonar.shape[2] * finer[2]) + math.ceil(-finer[2] / 2)

@@ -1,5 +1,6 @@
 """Responses of an active sonar's bins, and the log ratio of its returns against the product over every bin."""
 
+import dataclasses
 import math
 
 import equinox as eqx
@@ -7,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
@@ -209,6 +211,49 @@ def test_mean_ratio_is_1(kind: str, present: bool) -> None:
     mean = 1 + snr * present * responses(sonar, at[[2]])[0]
     found = np.asarray(ratios(likelihood, draw_every_bin(sonar, threshold, mean)), float)
     assert_mean(np.exp(-found[:, 2] if present else found), 1.0)
+
+
+@pytest.mark.parametrize("rate", [1e-4, 0.0498, 0.3])
+def test_mean_ratio_of_a_bin_is_1_in_any_background(rate: float, float64: type) -> None:
+    """Probability that the bin is quiet, and the integral over its excess; the rate is below, at and above that of
+    noise of mean 1. The last factor is what the bin tells when it is quiet, from the module's first sum."""
+    likelihood = ExceedanceLikelihood(tone(), SNR, THRESHOLD)
+    for response in (1.0, 0.3, 0.01, 0.0):
+        mean = 1 + SNR * response
+        quiet = (1 - math.exp(-THRESHOLD / mean)) / (1 - math.exp(-THRESHOLD))
+
+        def heard(excess: float, response: float = response, quiet: float = quiet) -> float:
+            told = likelihood.told(*(jnp.asarray(part) for part in (response, THRESHOLD + excess, rate)))
+            return rate * math.exp(-excess + float(told)) * quiet
+
+        found = (1 - rate) * quiet + quad(heard, 0, 400, epsabs=1e-9, epsrel=1e-9, limit=200)[0]
+        assert found == pytest.approx(1.0, abs=1e-6)
+
+
+@kinds
+def test_mean_ratio_is_1_in_a_learnt_background(kind: str) -> None:
+    """4,000 pings with every bin drawn, 5 standard errors: bins of the first half exceed the threshold three times as
+    often as those of the second."""
+    sonar = SONARS[kind]()
+    snr, threshold = 0.7, 1.5
+    at = np.array([[5.0, 2.0, 3.0], [0.0, 7.5, 0.25], [11.25, 0.0, 6.0]]) * np.array([1, 1, sonar.doppler is not None])
+    likelihood = ExceedanceLikelihood(sonar, snr, threshold)
+    states = states_at(sonar, at)
+    rate = np.where(np.arange(sonar.size) < sonar.size / 2, 0.3, 0.1)
+    mean = threshold / -np.log(rate)
+    pings = draw_every_bin(sonar, threshold, mean)
+    rates = jnp.asarray(rate)[jnp.ravel_multi_index(tuple(jnp.moveaxis(pings.bins, -1, 0)), sonar.shape)]
+    # The excess of exponential noise of any mean, in units of its mean.
+    means = jnp.asarray(mean)[jnp.ravel_multi_index(tuple(jnp.moveaxis(pings.bins, -1, 0)), sonar.shape)]
+    power = threshold + (pings.power - threshold) / means
+    pings = dataclasses.replace(pings, power=power, rate=rates)
+
+    @eqx.filter_jit
+    def ratios(likelihood: ExceedanceLikelihood, pings: Ping) -> jax.Array:
+        return jax.vmap(lambda each: likelihood.log_ratio(each, states))(pings)
+
+    # Quiet bins are those of noise of mean 1 in the table, to straight lines.
+    assert_mean(np.exp(np.asarray(ratios(likelihood, pings), float)), 1.0)
 
 
 @pytest.mark.parametrize("reach", range(4))

@@ -1,5 +1,6 @@
 """Means of the ratio over the cells of a grid: against the sum over the whole mesh, and against dense random states."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -88,6 +89,20 @@ def test_means_are_sums_over_the_whole_mesh(kind: str, finer: tuple[int, int, in
     assert np.quantile(off, 0.95) < rounding(np.float64, OPERATIONS)
     assert off.max() < 1e-3
     np.testing.assert_allclose(found[empty], expected[empty], atol=0.03)
+
+
+def test_means_in_another_background_are_sums_over_the_whole_mesh(float64: type) -> None:
+    """As above, of a sweep, with rates of the bins that lie up to twenty times apart."""
+    sonar = sweep()
+    guided, (bins, power) = guided_of(sonar), returns_of(sonar)
+    rate = np.exp(np.random.default_rng(0).uniform(-7, -4, size=sonar.shape))
+    told = heard(sonar, bins, power)
+    told = dataclasses.replace(told, rate=jnp.asarray(rate)[tuple(told.bins.T)])
+    found = np.asarray(log_ratio(guided, told))
+    expected = np.log(mean_ratios(guided, SOURCE, RECEIVER, bins, power, rate)).reshape(found.shape)
+    every = count_points(guided.mesh, SOURCE, RECEIVER)[0]
+    assert expected.max() > 5
+    assert np.abs(found - expected)[every > 0].max() < 1e-3
 
 
 @pytest.mark.parametrize(("kind", "finer"), [("tone", (1, 4, 1)), ("sweep", (2, 3, 1))])

@@ -4,6 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -13,12 +15,16 @@ from faintrack.data.returns import Returns, from_columns, to_columns
 from faintrack.errors import InputError
 from faintrack.io.returns import read_returns, write_returns
 from faintrack.kinds.loop import datasets
-from faintrack.kinds.returns.build import expected_returns
+from faintrack.kinds.returns.build import build_likelihood, build_sonar, expected_returns
 from faintrack.kinds.returns.plan import plan
 from faintrack.kinds.returns.simulate import silence
 from faintrack.results.result import Result
 from faintrack.results.schema import joined
 from faintrack.results.truth import findings
+from faintrack.sensors.active import ping
+from faintrack.sensors.active_draws import draw_returns
+from faintrack.signal.pings import from_pings
+from faintrack.targets.states import PlanarState
 from tests.returns import EAST, INTERVAL, NORTH, PINGS, SCENARIO, START, VELOCITY, columns, drawn, scenario
 
 CELL = 2500.0
@@ -52,6 +58,61 @@ def test_noise_gives_no_track() -> None:
     result = ft.track(drawn(present=False, seed=1), scenario())
     assert result.tracks == []
     assert result.data.existence.max() < 0.5
+
+
+def louder(decibel: float, present: bool, seed: int = 3) -> Returns:
+    """Returns of the same sonar where its noise is louder, and so is what it measures a target's echo by."""
+    what = scenario(sonar={"threshold_db": 9.0 - decibel, "snr_db": 14.0})
+    section = what.sonar
+    sonar = build_sonar(section)
+    likelihood = build_likelihood(section, sonar)
+    rng = np.random.default_rng(seed)
+    rows = []
+    for number in range(PINGS):
+        state = PlanarState(*(jnp.asarray(one, float) for one in (EAST[number], NORTH[number], *VELOCITY)))
+        empty = ping(sonar, 0.0, np.zeros((0, 3), int), np.zeros(0), 256)
+        one, lost = draw_returns(
+            jax.random.key(int(rng.integers(2**31))), sonar, likelihood.snr, likelihood.threshold, empty, state, present
+        )
+        assert lost == 0
+        rows.append(replace(one, time=jnp.asarray(START + number * INTERVAL)))
+    quiet = from_pings(jax.tree.map(lambda *leaves: jnp.stack(leaves), *rows), sonar)
+    return replace(quiet, power=quiet.power * 10 ** (decibel / 10))
+
+
+def test_louder_noise_is_learnt_and_told() -> None:
+    """Noise 3 dB louder than the model's has 90 returns a ping in place of 1.7."""
+    result = ft.track(louder(3.0, present=False), scenario())
+    assert result.tracks == []
+    (remark,) = result.remarks
+    assert "returns, where noise of mean 1 gives 1.7" in remark
+    assert "+3 dB" in remark
+    assert "it was learnt" in remark
+    np.testing.assert_allclose(result.data.background_returns[5:], result.data.returns.mean(), rtol=0.3)
+    assert float(result.data.tail_shape[-1]) < 0.03
+
+
+def test_a_target_is_found_in_louder_noise() -> None:
+    result = ft.track(louder(3.0, present=True), scenario())
+    assert len(result.tracks) == 1
+    held = result.data.label.values[:, 0] > 0
+    assert held.mean() > 0.7
+    error = np.hypot(result.data.x[:, 0] - EAST, result.data.y[:, 0] - NORTH).values[held]
+    assert np.sqrt(np.mean(error**2)) < CELL
+
+
+def test_a_background_that_is_not_learnt_is_told_where_it_does_not_fit() -> None:
+    noise = louder(3.0, present=False)
+    result = ft.track(noise, scenario(background={"learn": False}, tracker={"declare": 1.0 - 1e-12}))
+    assert any("existence may be wrong, expected background.learn" in remark for remark in result.remarks)
+    assert "tail_shape" not in result.data
+
+
+def test_what_is_chosen_of_the_bins_is_saved(followed: Result) -> None:
+    assert followed.scenario.background.every == (1, 1, 1)
+    assert followed.remarks == ()
+    coarse = ft.track(drawn(), scenario(background={"every": [2, 1, 1]}))
+    assert coarse.scenario.background.every == (2, 1, 1)
 
 
 def test_what_is_kept_agrees_with_itself() -> None:

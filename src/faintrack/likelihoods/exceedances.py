@@ -11,6 +11,15 @@ it is known that they lie below. With :math:`\mathbf k` the bins that are report
 
 Only bins that the target reaches have a term. The first sum does not depend on the returns: it repeats from bin to bin,
 but for bins near the ends, and is tabulated over the place within a bin.
+
+**Another background** exceeds the threshold with the probability :math:`p_k` of the bin in place of
+:math:`p = e^{-\eta}`, and its powers are told as those that the same excess would have in exponential noise. A target
+lowers the probability of a quiet bin by the same factor :math:`e^{q_k}`, the first sum's, in every background, and
+scales the excess by :math:`\mu_k`. The bracket then gains
+
+.. math:: \log \frac{1 - (1 - p_k) e^{q_k}}{p_k} - \log \frac{1 - (1 - p) e^{q_k}}{p} ,
+
+and the mean ratio under the background is 1 as before.
 """
 
 import functools
@@ -111,10 +120,12 @@ class ExceedanceLikelihood(eqx.Module):
         """
         return draw_returns(key, self.sonar, self.snr, self.threshold, ping, states, present)[0]
 
-    def told(self, response: Real, power: Real) -> Real:
+    def told(self, response: Real, power: Real, rate: Real | None = None) -> Real:
         """What a return adds for a target with this response in its bin: the bracket of the module's equation."""
         mean = 1 + self.snr * response
-        return power * (1 - 1 / mean) - jnp.log(mean) - quiet_bin(mean, self.threshold)
+        quiet = quiet_bin(mean, self.threshold)
+        told = power * (1 - 1 / mean) - jnp.log(mean) - quiet
+        return told if rate is None else told + rated(quiet, mean, rate, self.threshold)
 
     def _quiet_at(self, delay: Real, beam: Real, shift: Real) -> Real:
         """The sum over quiet bins, from the table by straight lines."""
@@ -180,11 +191,14 @@ class ExceedanceLikelihood(eqx.Module):
 
         def one(number: Int[Array, ""], total: Array) -> Array:
             place, power = ping.bins[number], ping.power[number]
+            rate = None if ping.rate is None else ping.rate[number]
             around = beam - place[1]
             off = delay - place[0], around - sonar.beams * jnp.round(around / sonar.beams), shift - place[2]
             near = jnp.stack([jnp.abs(each) <= reach for each, reach in zip(off, sonar.reach, strict=True)]).all(axis=0)
             return jax.lax.cond(
-                near.any(), lambda: total + jnp.where(near, self.told(sonar.response(*off), power), 0), lambda: total
+                near.any(),
+                lambda: total + jnp.where(near, self.told(sonar.response(*off), power, rate), 0),
+                lambda: total,
             )
 
         return jax.lax.fori_loop(first, last, one, jnp.zeros_like(delay))
@@ -208,6 +222,25 @@ def quiet_bin(mean: Any, threshold: float) -> Any:
     """Log of the probability that a bin stays below the threshold, over that without a target."""
     numbers = jnp if isinstance(mean, jax.Array) else np
     return numbers.log1p(-numbers.exp(-threshold / mean)) - np.log1p(-np.exp(-threshold))
+
+
+def rated(quiet: Real, mean: Real, rate: Real, threshold: float) -> Real:
+    """What a return tells beyond its power where the background has another rate: the module's last equation.
+
+    Parameters
+    ----------
+    quiet : `quiet_bin` of the bin.
+    mean : of its power with the target.
+    rate : probability that the background exceeds the threshold in the bin.
+    threshold : eta.
+
+    Examples
+    --------
+    >>> mean = jnp.array([1.0, 17.0])
+    >>> [round(float(one), 3) for one in rated(quiet_bin(mean, 8.0), mean, jnp.array(10 * np.exp(-8.0)), 8.0)]
+    [0.0, -2.298]
+    """
+    return jnp.log(rate * jnp.exp(quiet) - jnp.expm1(quiet)) - jnp.log(rate) - threshold * (1 - 1 / mean)
 
 
 def edge_class(whole: Any, count: int, reach: int) -> Any:

@@ -29,7 +29,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.likelihoods.exceedances import ExceedanceLikelihood, quiet_bin, quiet_table
+from faintrack.likelihoods.exceedances import ExceedanceLikelihood, quiet_bin, quiet_table, rated
 from faintrack.likelihoods.mesh import Mesh
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.active import Ping
@@ -84,7 +84,8 @@ class Guided(eqx.Module):
     likelihood : of a state.
     mesh : points at which the ratio is taken, and the grid.
     swath : bins on either side of a return, in delay, bearing and Doppler, that are sampled.
-    tables : what a return tells at an offset: constant part, factor of its power, whether it is within the swath.
+    tables : what a return tells at an offset: constant part, factor of its power, whether it is within the swath, and
+        what the bin tells when it is quiet.
     quiet : what quiet bins tell at a mesh point; see `faintrack.likelihoods.exceedances.quiet_table`.
     cover : of the fixed source and receiver; None where they move.
 
@@ -115,7 +116,7 @@ class Guided(eqx.Module):
     likelihood: ExceedanceLikelihood
     mesh: Mesh
     swath: tuple[int, int, int] = eqx.field(static=True)
-    tables: Float[Array, "3 _ _ _"]
+    tables: Float[Array, "4 _ _ _"]
     quiet: Float[Array, "_ _ _ _ _"]
     cover: Cover | None
 
@@ -186,6 +187,27 @@ class Guided(eqx.Module):
         Parameters and result as of
         `faintrack.likelihoods.protocols.Beside.beside`.
         """
+        gain = self.likelihood.snr / (1 + self.likelihood.snr)
+        crowding = self._crowding(ping, log_weights, existence)
+        power = jnp.maximum(ping.power - crowding / gain, self.likelihood.threshold)
+        return dataclasses.replace(ping, power=jnp.where(ping.there, power, ping.power))
+
+    def of_targets(
+        self, ping: Ping, log_weights: Float[Array, "target *cells"], existence: Float[Array, " target"]
+    ) -> Float[Array, " return"]:
+        """Probability that each return is an echo of one of some targets, :math:`a_k` of `beside`.
+
+        Parameters
+        ----------
+        ping : returns of one ping.
+        log_weights, existence : as of `beside`.
+        """
+        return jnp.where(ping.there, -jnp.expm1(-self._crowding(ping, log_weights, existence)), 0)
+
+    def _crowding(
+        self, ping: Ping, log_weights: Float[Array, "target *cells"], existence: Float[Array, " target"]
+    ) -> Float[Array, " return"]:
+        """What returns tell less beside targets, c of `beside`."""
         mesh, likelihood = self.mesh, self.likelihood
         pair = likelihood.sonar.geometry(ping)
         number = ping.bins[:, 0] * mesh.finer[0]
@@ -199,11 +221,12 @@ class Guided(eqx.Module):
         chance = jnp.clip(area * jax.scipy.ndimage.map_coordinates(jnp.sum(density, axis=0), places, 1), 0, 1)
         gain = likelihood.snr / (1 + likelihood.snr)
         echo = gain * ping.power - jnp.log1p(likelihood.snr)
+        if ping.rate is not None:
+            mean = 1 + likelihood.snr
+            echo = echo + rated(quiet_bin(mean, likelihood.threshold), mean, ping.rate, likelihood.threshold)
         missed = 1 - jnp.exp(-likelihood.threshold / (1 + likelihood.snr))
         crowding = jnp.logaddexp(0.0, jnp.log(chance / missed) + echo)
-        crowding = crowding + self._companions(ping, -jnp.expm1(-crowding))
-        power = jnp.maximum(ping.power - crowding / gain, likelihood.threshold)
-        return dataclasses.replace(ping, power=jnp.where(ping.there, power, ping.power))
+        return crowding + self._companions(ping, -jnp.expm1(-crowding))
 
     def _companions(self, ping: Ping, of_others: Float[Array, " return"]) -> Float[Array, " return"]:
         """What returns tell less because others spread into their bins (the last equation of `beside`)."""
@@ -305,7 +328,7 @@ class Guided(eqx.Module):
             s * (max(r, each) + each) + 1 for r, each, s in zip(reach, self.swath, self.mesh.finer, strict=True)
         )
 
-    def _offset_tables(self) -> Float[Array, "3 _ _ _"]:
+    def _offset_tables(self) -> Float[Array, "4 _ _ _"]:
         """What a return tells at the offsets that the swath of another return can have from it."""
         off = [
             np.arange(-(limit + steps[-1]), limit + steps[-1] + 1) / s
@@ -314,8 +337,8 @@ class Guided(eqx.Module):
         mesh = np.meshgrid(*off, indexing="ij")
         mean = 1 + float(self.likelihood.snr) * self.likelihood.sonar.tabled(*mesh)
         within = np.all([np.abs(each) <= s for each, s in zip(mesh, self.swath, strict=True)], axis=0)
-        constant = -np.log(mean) - quiet_bin(mean, self.likelihood.threshold)
-        return jnp.asarray(np.stack([constant, 1 - 1 / mean, within]), float)
+        quiet = quiet_bin(mean, self.likelihood.threshold)
+        return jnp.asarray(np.stack([-np.log(mean) - quiet, 1 - 1 / mean, within, quiet]), float)
 
     def _near(self, ping: Ping) -> Near:
         """Mesh points around the returns, and their ratio."""
@@ -330,18 +353,22 @@ class Guided(eqx.Module):
         close = close & (number[:, None] != number[None, :])
         (pairs,) = jnp.nonzero(close.ravel(), size=close.size, fill_value=0)
 
-        def told_at(off: Int[Array, " 3"]) -> Float[Array, "3 delay bearing doppler"]:
-            return jax.lax.dynamic_slice(self.tables, (0, *(off + limits)), (3, *shape))
+        def told_at(off: Int[Array, " 3"], other: Int[Array, ""]) -> tuple[Real, Real]:
+            """What a return tells in the swath of one at an offset from it, and where that is in its own swath."""
+            constant, factor, within, quiet = jax.lax.dynamic_slice(self.tables, (0, *(off + limits)), (4, *shape))
+            told = constant + factor * ping.power[other]
+            if ping.rate is not None:
+                told = told + rated(quiet, 1 / (1 - factor), ping.rate[other], self.likelihood.threshold)
+            return told, within
 
         def join(pair: Int[Array, ""], carried: tuple[Array, Array]) -> tuple[Array, Array]:
             total, twice = carried
             mine, other = pairs[pair] // len(place), pairs[pair] % len(place)
-            constant, factor, within = told_at(off[mine, other])
-            total = total.at[mine].add(constant + factor * ping.power[other])
+            told, within = told_at(off[mine, other], other)
+            total = total.at[mine].add(told)
             return total, twice.at[mine].max((within > 0) & (other < mine))
 
-        constant, factor, _ = told_at(jnp.zeros(3, jnp.int32))
-        own = constant + factor * ping.power[:, None, None, None]
+        own = jax.vmap(lambda number: told_at(jnp.zeros(3, jnp.int32), number)[0])(number)
         total, twice = jax.lax.fori_loop(0, close.sum(), join, (own, jnp.zeros(own.shape, bool)))
 
         delay, bearing, doppler = (place[:, axis, None] + steps[axis] for axis in range(3))

@@ -190,6 +190,9 @@ class Ping(eqx.Module):
     power : of the returns, over the mean power of the noise; linear.
     there : whether an entry is a return; those that are not come last.
     pair : source and receiver, where they move.
+    rate : probability that the background alone exceeds the threshold in the bin of each return, where it is not that
+        of noise with mean 1. Powers are then those that an excess as rare has in such noise
+        (`faintrack.signal.returns_background`).
     """
 
     time: Float[Array, "*ping"]
@@ -197,6 +200,7 @@ class Ping(eqx.Module):
     power: Float[Array, "*ping return"]
     there: Bool[Array, "*ping return"]
     pair: Bistatic | None = None
+    rate: Float[Array, "*ping return"] | None = None
 
 
 def ping(

@@ -18,9 +18,12 @@ from faintrack.likelihoods.guided import Guided
 from faintrack.sensors.active import ActiveSonar, Pulse
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.signal.pings import Binned, in_bins
+from faintrack.signal.resolution import linked_bins, thinned, wider
+from faintrack.signal.returns_background import ReturnsBackground, returns_background
 from faintrack.targets.motion import OrnsteinUhlenbeck
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Target, UniformBirth
+from faintrack.trackers.many import ManyTargetsTracker
 
 VELOCITY_SHARE = 0.4
 """Standard deviation of a velocity component in the long run, over the grid's largest."""
@@ -159,14 +162,21 @@ def velocity_noise(scenario: ReturnsScenario) -> float:
     return VELOCITY_SHARE * scenario.grid.speed * math.sqrt(2 / relaxation) if noise is None else noise
 
 
-def chosen(scenario: ReturnsScenario) -> ReturnsScenario:
-    """Scenario with what was chosen filled in."""
+def chosen(scenario: ReturnsScenario, every: tuple[int, int, int]) -> ReturnsScenario:
+    """Scenario with what was chosen filled in.
+
+    Parameters
+    ----------
+    scenario : as given.
+    every : of `BackgroundSection`.
+    """
     target = scenario.target.model_copy(update={"velocity_noise": velocity_noise(scenario)})
-    return scenario.model_copy(update={"target": target})
+    background = scenario.background.model_copy(update={"every": every})
+    return scenario.model_copy(update={"target": target, "background": background})
 
 
-def build_binned(scenario: ReturnsScenario, returns: Returns) -> Binned:
-    """Returns in the bins of a scenario's sonar.
+def build_binned(scenario: ReturnsScenario, returns: Returns) -> tuple[Binned, tuple[int, int, int]]:
+    """Returns in the independent bins of a scenario's sonar, and every how many of its bins these are.
 
     Raises
     ------
@@ -175,11 +185,23 @@ def build_binned(scenario: ReturnsScenario, returns: Returns) -> Binned:
     """
     table = scenario.sonar
     moving = build_moving(table, returns)
-    return in_bins(returns, build_sonar(table), 10 ** (table.threshold_db / 10), moving)
+    threshold = 10 ** (table.threshold_db / 10)
+    binned = in_bins(returns, build_sonar(table), threshold, moving)
+    every = scenario.background.every
+    if every is None:
+        every = linked_bins(binned) if scenario.background.learn else (1, 1, 1)
+    return thinned(binned, every, threshold), every
 
 
-def build_tracker(scenario: ReturnsScenario, binned: Binned, grid: Grid) -> Tracker:
-    """Tracker of a scenario for the returns of a sonar.
+def build_background(scenario: ReturnsScenario, tracker: Tracker, binned: Binned) -> ReturnsBackground | None:
+    """What learns the background, if the scenario asks for it and the tracker tells what to leave out."""
+    if not scenario.background.learn or not isinstance(tracker, ManyTargetsTracker):
+        return None
+    return returns_background(binned.sonar, 10 ** (scenario.sonar.threshold_db / 10), scenario.background.shape)
+
+
+def build_tracker(scenario: ReturnsScenario, binned: Binned, every: tuple[int, int, int], grid: Grid) -> Tracker:
+    """Tracker of a scenario for the returns of a sonar, in every how many bins of the scenario's.
 
     Raises
     ------
@@ -188,11 +210,10 @@ def build_tracker(scenario: ReturnsScenario, binned: Binned, grid: Grid) -> Trac
     """
     sonar_table, grid_table, target_table = scenario.sonar, scenario.grid, scenario.target
     interval, noise = ping_interval(binned.returns), velocity_noise(scenario)
-    _require_room(sonar_table, binned)
+    swath, finer = _samples(sonar_table, binned.sonar, every)
+    _require_room(binned, swath, finer)
     _require_slow(grid_table, noise, interval)
-    likelihood = Guided(
-        build_likelihood(sonar_table, binned.sonar), grid, _around(sonar_table.swath, sonar_table), sonar_table.finer
-    )
+    likelihood = Guided(build_likelihood(sonar_table, binned.sonar), grid, swath, finer)
     motion = OrnsteinUhlenbeck(noise, target_table.relaxation)
     low, high = (
         PlanarState(*(jnp.asarray(float(axis.edges[end]), jnp.float32) for _, axis in grid.axes)) for end in (0, -1)
@@ -202,10 +223,20 @@ def build_tracker(scenario: ReturnsScenario, binned: Binned, grid: Grid) -> Trac
     return build_several(carried, likelihood, scenario.tracker, interval)
 
 
-def _require_room(table: SonarSection, binned: Binned) -> None:
+def _samples(
+    table: SonarSection, sonar: ActiveSonar, every: tuple[int, int, int]
+) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+    """Swath and samples a bin, as near each other as the scenario has them."""
+    delay, bearing, doppler = wider(table.swath, every)
+    swath = delay, min(bearing, (sonar.beams - 1) // 2), doppler
+    finer = table.finer[0] * every[0], table.finer[1] * every[1], table.finer[2] * every[2]
+    return swath, finer
+
+
+def _require_room(binned: Binned, widths: tuple[int, int, int], finer: tuple[int, int, int]) -> None:
     """Refuse pings and swaths that no memory holds."""
-    axes = 2 if table.doppler is None else 3
-    swath = list(zip(_around(table.reach, table), _around(table.swath, table), table.finer, strict=True))[:axes]
+    axes = 2 if binned.sonar.doppler is None else 3
+    swath = list(zip(binned.sonar.reach, widths, finer, strict=True))[:axes]
     samples = math.prod(2 * width * finer + 1 for _, width, finer in swath)
     if binned.capacity * max(samples, binned.capacity) > LARGEST_TABLE:
         raise InputError(

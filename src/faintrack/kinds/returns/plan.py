@@ -21,13 +21,22 @@ from faintrack.data.returns import Returns
 from faintrack.errors import naming
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
-from faintrack.kinds.returns.build import build_binned, build_grid, build_tracker, chosen, ping_interval
+from faintrack.kinds.returns.build import (
+    build_background,
+    build_binned,
+    build_grid,
+    build_tracker,
+    chosen,
+    ping_interval,
+)
+from faintrack.kinds.returns.fit import Fit, FitOfPings, about_bins, fit_of
 from faintrack.kinds.returns.sections import ReturnsScenario
 from faintrack.kinds.several import Tracker, with_targets
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import estimated, of_scans, planar
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
+from faintrack.signal.returns_background import ReturnsBackground
 from faintrack.targets.states import PlanarState
 
 BLOCK_PINGS = 16
@@ -39,19 +48,23 @@ NEAR_CELLS = 3.0
 MAPS = {"position": ("x", "y"), "velocity": ("vx", "vy")}
 """What is kept of the belief after some pings, and its axes."""
 
-State = tuple[Any, tuple[Array, ...]]
+State = tuple[Any, Any, tuple[Array, ...]]
 
 
 class ReturnsStep(eqx.Module):
-    """Pings through a tracker.
+    """Pings through background and tracker.
 
     Attributes
     ----------
     tracker : what takes in a ping.
+    background : that is learnt; None where it is the model's.
+    threshold : that returns exceed, over the mean power of the model's noise.
     grid : that carries its belief.
     """
 
     tracker: Tracker
+    background: ReturnsBackground | None
+    threshold: float
     grid: Grid = eqx.field(static=True)
 
     def scans(self, block: tuple[Ping, Int[Array, " ping"]]) -> tuple[Ping, Int[Array, " ping"]]:
@@ -60,11 +73,21 @@ class ReturnsStep(eqx.Module):
 
     def advance(
         self, state: State, scan: tuple[Ping, Int[Array, ""]], key: PRNGKeyArray
-    ) -> tuple[State, tuple[Any, PlanarState]]:
-        """Tracker and snapshots after a ping; the estimate, and the cell of highest probability."""
-        following, maps = state
+    ) -> tuple[State, tuple[Any, PlanarState, Fit]]:
+        """Memory, tracker and snapshots after a ping; the estimate, the cell of highest probability, the background."""
+        memory, following, maps = state
         ping, slot = scan
-        following, estimate = self.tracker.step(following, ping, key)
+        if self.background is None:
+            following, estimate = self.tracker.step(following, ping, key)
+            fit = fit_of(ping, self.threshold)
+        else:
+            read = self.background.read(memory, ping)
+            tracker: Any = self.tracker
+            following, estimate = tracker.step(following, read.ping, key)
+            hand = following.hand
+            of_targets = tracker.likelihood.of_targets(read.ping, hand.beliefs.log_weights, hand.heard_existence)
+            memory = self.background.learn(memory, ping, read, of_targets)
+            fit = fit_of(read.ping, self.threshold, read.expected, read.shape)
         belief = following.belief
 
         def keep(maps: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -74,7 +97,7 @@ class ReturnsStep(eqx.Module):
             )
 
         maps = jax.lax.cond(slot < len(maps[0]), keep, lambda maps: maps, maps)
-        return (following, maps), (estimate, mode(belief))
+        return (memory, following, maps), (estimate, mode(belief), fit)
 
 
 def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
@@ -85,9 +108,12 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
     InputError : returns and scenario do not fit together.
     """
     with naming(returns.origin):
-        binned, grid = build_binned(scenario, returns), build_grid(scenario)
-        tracker = build_tracker(scenario, binned, grid)
+        (binned, every), grid = build_binned(scenario, returns), build_grid(scenario)
+        tracker = build_tracker(scenario, binned, every, grid)
+        background = build_background(scenario, tracker, binned)
         interval = ping_interval(returns)
+    threshold = 10 ** (scenario.sonar.threshold_db / 10)
+    fit = FitOfPings(binned.sonar.size, threshold, background is not None)
     since, snapshots = returns.times - returns.times[0], snapshots_of(returns.length)
     counts = {name: axis.count for name, axis in grid.axes}
     maps = tuple(
@@ -109,19 +135,25 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         pings = eqx.tree_at(lambda pings: pings.time, pings, jnp.asarray(since[numbers] + interval, float))
         return pings, slots_of(numbers, snapshots)
 
-    def rows(start: int, block: tuple[Ping, Int[np.ndarray, " ping"]], outputs: tuple[Any, PlanarState]) -> xr.Dataset:
+    def rows(start: int, block: tuple[Ping, Int[np.ndarray, " ping"]], outputs: tuple[Any, ...]) -> xr.Dataset:
         pings, count = block[0], len(block[1])
         numbers = np.arange(start, start + count)
         places = _places(binned.sonar.geometry(pings), count)
-        return _dataset(since[numbers], *outputs, returns.counts[numbers], places).assign_attrs(attributes)
+        estimates, modes, fits = outputs
+        fit.add(fits, binned.returns.counts[numbers], np.any(estimates.label.reshape(count, -1) > 0, axis=1))
+        data = _dataset(since[numbers], estimates, modes, returns.counts[numbers], places)
+        if background is not None:
+            data["background_returns"] = of_scans(fits.expected, "1", "returns of the ping expected without a target")
+            data["tail_shape"] = of_scans(fits.shape, "1", "shape of the tail of the background")
+        return data.assign_attrs(attributes)
 
     def close(state: State) -> xr.Dataset:
-        return _maps(since[snapshots], [np.asarray(held) for held in state[1]], grid)
+        return _maps(since[snapshots], [np.asarray(held) for held in state[2]], grid)
 
     return Plan(
-        scenario=with_targets(chosen(scenario), tracker),
-        step=ReturnsStep(tracker, grid),
-        state=(begun(tracker, scenario.filter.seed), maps),
+        scenario=with_targets(chosen(scenario, every), tracker),
+        step=ReturnsStep(tracker, background, threshold, grid),
+        state=(None if background is None else background.init(), begun(tracker, scenario.filter.seed), maps),
         read=read,
         rows=rows,
         length=returns.length,
@@ -129,6 +161,8 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         seed=scenario.filter.seed,
         within=NEAR_CELLS * max(axis.step for name, axis in grid.axes if name in MAPS["position"]),
         limits={"x": scenario.grid.x, "y": scenario.grid.y},
+        checks=about_bins(every, scenario.background.every is None),
+        remarks=fit.remarks,
         close=close,
     )
 

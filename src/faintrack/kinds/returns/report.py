@@ -22,6 +22,7 @@ def about(result: Result) -> dict[str, str]:
         "first ping": f"{data.attrs['first_scan_time']:g} s; times are from there",
         "returns a ping": f"{float(data.returns.mean()):.4g} on average, {int(data.returns.max())} at most; "
         f"{expected_returns(sonar):.4g} expected of noise alone",
+        "background": _background(data),
         "pulse": f"{sonar.pulse.frequency:g} Hz, {sonar.pulse.duration:g} s, {sweep}",
         "bins": ", ".join(bins),
         "threshold": f"{sonar.threshold_db:g} dB, for a target of {sonar.snr_db:g} dB",
@@ -31,6 +32,14 @@ def about(result: Result) -> dict[str, str]:
             for x, y in (("axis_x", "axis_y"), ("axis_vx", "axis_vy"))
         ),
     }
+
+
+def _background(data: xr.Dataset) -> str:
+    """What was learnt of returns without a target."""
+    if "tail_shape" not in data:
+        return "noise of mean 1, not learnt"
+    returns, shape = float(data.background_returns[-1]), float(data.tail_shape[-1])
+    return f"learnt: {returns:.4g} returns in the last ping, in the bins that are read; a tail of shape {shape:.2g}"
 
 
 def _place(data: xr.Dataset, platform: str) -> str:

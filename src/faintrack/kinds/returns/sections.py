@@ -115,6 +115,40 @@ def _require_bins(name: str, ends: Pair | None, bins: int | None, step: float | 
             raise ValueError(f"{name}_step is {step:g}: expected to fit a whole number of times, not {steps:.6g}")
 
 
+Every = Annotated[
+    tuple[
+        Annotated[int, Field(ge=1, le=64)],
+        Annotated[int, Field(ge=1, le=64)],
+        Annotated[int, Field(ge=1, le=64)],
+    ],
+    Field(strict=False),
+]
+
+
+class BackgroundSection(Section):
+    """What returns there are without a target; see `faintrack.signal.returns_background`.
+
+    Attributes
+    ----------
+    learn : for several targets: whether rate and excess of returns are learnt as the data come; otherwise the noise is
+        exponential with mean 1.
+    shape : of the tail, where it is not to be fitted: 0 for exponential noise of any level, 1/N after a normaliser over
+        N cells.
+    every : bins of delay, bearing and Doppler from one to the next that is independent of it, for bins finer than the
+        resolution; the others are not read. Where not given, the returns tell (`faintrack.signal.resolution`).
+    """
+
+    learn: bool = True
+    shape: float | None = Field(default=None, ge=0, le=0.5)
+    every: Every | None = None
+
+    @model_validator(mode="after")
+    def _shape_is_read(self) -> "BackgroundSection":
+        if self.shape is not None and not self.learn:
+            raise ValueError("a shape is given and learn is false: expected learn = true, or no shape")
+        return self
+
+
 class GridSection(Section):
     """Cells over which a target is looked for.
 
@@ -181,6 +215,7 @@ class ReturnsScenario(Scenario):
 
     kind: Literal["returns"] = "returns"
     sonar: SonarSection
+    background: BackgroundSection = BackgroundSection()
     grid: GridSection
     target: ShipSection = ShipSection()
     filter: SeedSection = SeedSection()
@@ -197,3 +232,17 @@ class ReturnsScenario(Scenario):
                 "to look (--scenario FILE)"
             )
         return values
+
+    @model_validator(mode="after")
+    def _background_fits(self) -> "ReturnsScenario":
+        every = self.background.every
+        if every is not None and (self.sonar.beams % every[1] or self.sonar.beams < 3 * every[1]):
+            raise ValueError(
+                f"background.every has {every[1]} for the bearing: expected a divisor of the {self.sonar.beams} beams "
+                "that leaves 3 beams at least"
+            )
+        if self.background.shape is not None and self.tracker.targets == 1:
+            raise ValueError(
+                "background.shape is given and tracker.targets is 1: expected several, which learn the background"
+            )
+        return self

@@ -1,0 +1,129 @@
+r"""Whether the returns of pings without a track look like those of the background: what results tell of it.
+
+Under the background :math:`e^{-y}` of the excess of a return, as the likelihood reads it, is uniform, and a ping has as
+many returns as are expected. Ranks in tenths and the number of returns show where it is not so.
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from faintrack.sensors.active import Ping
+
+RANKS = 10
+"""In which the excess of returns is told."""
+
+OFF = 0.25
+"""Of a tenth, or of the number of returns: how far from what is expected is told."""
+
+DEVIATIONS = 5.0
+"""Standard deviations that chance is allowed."""
+
+
+class Fit(NamedTuple):
+    """Of a ping, or a stack of them.
+
+    Attributes
+    ----------
+    ranks : number of returns by tenth of the rank of their excess, the loudest first.
+    expected : returns, without a target.
+    shape : of the tail.
+    """
+
+    ranks: Float[Array, "*ping rank"]
+    expected: Float[Array, "*ping"]
+    shape: Float[Array, "*ping"]
+
+
+def fit_of(
+    ping: Ping, threshold: float, expected: Float[Array, ""] | float = jnp.nan, shape: Float[Array, ""] | float = 0.0
+) -> Fit:
+    """Fit of a ping, as the likelihood reads it."""
+    rank = jnp.exp(-jnp.maximum(ping.power - threshold, 0))
+    tenth = jnp.minimum((rank * RANKS).astype(jnp.int32), RANKS - 1)
+    ranks = jnp.zeros(RANKS).at[tenth].add(ping.there.astype(float))
+    return Fit(ranks, jnp.asarray(expected, float), jnp.asarray(shape, float))
+
+
+class FitOfPings:
+    """Fit of all pings without a track, added up as they come.
+
+    Parameters
+    ----------
+    bins : of the sonar.
+    threshold : over the mean power of the model's noise; linear.
+    learnt : whether the background is learnt; otherwise it is the model's.
+    """
+
+    def __init__(self, bins: int, threshold: float, learnt: bool) -> None:
+        self._modelled, self._learnt = bins * float(np.exp(-threshold)), learnt
+        self._threshold, self._bins = threshold, bins
+        self._pings, self._returns, self._shape = 0, 0, 0.0
+        self._ranks = np.zeros(RANKS)
+
+    def add(self, fits: Any, counts: Int[np.ndarray, " ping"], tracked: Bool[np.ndarray, " ping"]) -> None:
+        """Add some pings.
+
+        Parameters
+        ----------
+        fits : `Fit` of them.
+        counts : number of their returns.
+        tracked : whether there is a track.
+        """
+        alone = ~np.asarray(tracked)
+        self._pings += int(alone.sum())
+        self._returns += int(np.asarray(counts)[alone].sum())
+        self._ranks += np.asarray(fits.ranks)[alone].sum(axis=0)
+        self._shape = float(np.asarray(fits.shape)[-1])
+
+    def remarks(self) -> tuple[str, ...]:
+        """What does not fit; one sentence each."""
+        if not self._returns:
+            return ()
+        expected = self._modelled * self._pings
+        told = []
+        if abs(self._returns - expected) > max(OFF * expected, DEVIATIONS * np.sqrt(expected)):
+            told.append(self._of_rate(expected))
+        share = self._ranks[0] / self._returns
+        deviation = np.sqrt(0.1 * 0.9 / self._returns)
+        if abs(share - 0.1) > max(OFF * 0.1, DEVIATIONS * deviation):
+            told.append(self._of_excess(share))
+        return tuple(told)
+
+    def _of_rate(self, expected: float) -> str:
+        level = self._threshold / -np.log(min(self._returns / self._pings / self._bins, 0.5))
+        tail = f" with a tail of shape {self._shape:.2g}" if self._learnt and self._shape >= 0.01 else ""
+        then = "it was learnt" if self._learnt else "existence may be wrong, expected background.learn"
+        return (
+            f"Pings without a track have {self._returns / self._pings:.4g} returns, where noise of mean 1 gives "
+            f"{expected / self._pings:.4g}: as if it were {10 * np.log10(level):+.2g} dB{tail}. A level that is not 1, "
+            f"reverberation, clutter or a normaliser make that; {then}."
+        )
+
+    def _of_excess(self, share: float) -> str:
+        side = "more" if share > 0.1 else "fewer"
+        return (
+            f"Of the returns of pings without a track {100 * share:.3g} % are as loud as the loudest tenth of the "
+            f"background, {side} than fit: existence may be wrong. Expected noise that is normalised alike everywhere, "
+            "a higher sonar.threshold_db, or another background.shape."
+        )
+
+
+def about_bins(every: tuple[int, int, int], recognised: bool) -> tuple[str, ...]:
+    """That bins are not all read; one sentence.
+
+    Examples
+    --------
+    >>> about_bins((1, 1, 1), True)
+    ()
+    """
+    names = "delay", "bearing", "Doppler"
+    fine = [f"{number} in {name}" for name, number in zip(names, every, strict=True) if number > 1]
+    if not fine or not recognised:
+        return ()
+    return (
+        "Returns come in neighbouring bins together: the bins are finer than the resolution, and one of every "
+        f"{' and '.join(fine)} is read (background.every).",
+    )

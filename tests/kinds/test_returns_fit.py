@@ -1,0 +1,65 @@
+"""What is told of pings without a track: nothing where they are the background's, and in which way they are not."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from faintrack.beliefs.axis import Axis
+from faintrack.kinds.returns.fit import RANKS, Fit, FitOfPings, about_bins, fit_of
+from faintrack.sensors.active import ActiveSonar, Pulse, ping
+
+THRESHOLD, BINS, PINGS = 6.0, 64_000, 20
+EXPECTED = BINS * np.exp(-THRESHOLD)
+
+
+def told(returns: float, excess: float, learnt: bool = True, tracked: bool = False) -> tuple[str, ...]:
+    """Remarks on pings with so many returns on average, whose excess has this mean."""
+    rng = np.random.default_rng(0)
+    counts = rng.poisson(returns, PINGS)
+    ranks = np.array(
+        [np.histogram(np.exp(-excess * rng.exponential(size=count)), bins=RANKS, range=(0, 1))[0] for count in counts]
+    )
+    fit = FitOfPings(BINS, THRESHOLD, learnt)
+    fit.add(Fit(jnp.asarray(ranks), jnp.zeros(PINGS), jnp.zeros(PINGS)), counts, np.full(PINGS, tracked))
+    return fit.remarks()
+
+
+def test_the_model_s_own_noise_is_not_remarked() -> None:
+    assert told(EXPECTED, 1.0) == ()
+
+
+def test_a_number_of_returns_that_is_not_the_model_s_is_told() -> None:
+    """Noise of mean 1.5 exceeds 6 with the probability e^-4."""
+    (remark,) = told(BINS * np.exp(-4.0), 1.0)
+    assert "as if it were +1.8 dB" in remark
+    assert "it was learnt" in remark
+    (remark,) = told(BINS * np.exp(-4.0), 1.0, learnt=False)
+    assert "existence may be wrong, expected background.learn" in remark
+
+
+@pytest.mark.parametrize(("excess", "side"), [(2.0, "more"), (0.5, "fewer")])
+def test_an_excess_that_does_not_fit_is_told(excess: float, side: str) -> None:
+    """A tenth lies beyond e^-y = 0.1 where the mean is 1, 32 % where it is 2, 1 % where it is a half."""
+    (remark,) = told(EXPECTED, excess)
+    assert f"{side} than fit: existence may be wrong" in remark
+    assert f"{100 * 0.1 ** (1 / excess):.1g}"[0] in remark.split("track ")[1][:3]
+
+
+def test_pings_with_a_track_do_not_count() -> None:
+    assert told(10 * EXPECTED, 3.0, tracked=True) == ()
+
+
+def test_ranks_are_tenths_of_the_excess() -> None:
+    sonar = ActiveSonar(Pulse(2000.0, 1.0, 50.0), Axis(4.0, 0.02, 100), 16, 0.1, None)
+    bins = np.stack([np.arange(3), np.zeros(3, int), np.zeros(3, int)], axis=1)
+    power = THRESHOLD - np.log(np.array([0.05, 0.55, 0.95]))
+    ranks = fit_of(ping(sonar, 0.0, bins, power, 8), THRESHOLD).ranks
+    np.testing.assert_array_equal(ranks, np.isin(np.arange(RANKS), [0, 5, 9]))
+    assert jax.tree.leaves(ranks)[0].sum() == 3
+
+
+def test_bins_that_are_left_out_are_told() -> None:
+    (sentence,) = about_bins((3, 1, 2), True)
+    assert "one of every 3 in delay and 2 in Doppler is read (background.every)" in sentence
+    assert about_bins((3, 1, 1), False) == ()
