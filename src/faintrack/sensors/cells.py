@@ -52,11 +52,14 @@ class CellScan(eqx.Module):
     time : seconds.
     values : one a cell, in the order of the cells' axes: amplitude, envelope or power, as the likelihood expects.
     gain : what the level of a target counts in each cell, where others are part of the background; 1 where None.
+    independent : share of what each cell says that neither its neighbours nor the frames before have said; 1 where
+        None.
     """
 
     time: Float[Array, "*frame"]
     values: Float[Array, "..."]
     gain: Float[Array, "..."] | None = None
+    independent: Float[Array, "..."] | None = None
 
 
 def cell_surface(belief: Belief, cells: Cells) -> Float[Array, "*cells"]:

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from faintrack.sensors.cells import CellScan
 from faintrack.signal.background import Whitening
 from faintrack.signal.clutter import ClutterScan, ClutterTracker
+from faintrack.signal.independence import Independence
 
 
 @runtime_checkable
@@ -57,20 +58,32 @@ class OverNoise(eqx.Module):
 
 
 class OverScene(eqx.Module):
-    """Frames whitened: residuals of mean 0 and variance 1, see `faintrack.signal.background`."""
+    """Frames whitened: residuals of mean 0 and variance 1, counted by the share that is independent.
+
+    Attributes
+    ----------
+    whitening : see `faintrack.signal.background`.
+    independence : see `faintrack.signal.independence`; cells count in full where None.
+    """
 
     whitening: Whitening
+    independence: Independence | None = eqx.field(static=True, default=None)
 
     def init(self, frame: Float[Array, "y x"]) -> Any:
         """Memory of a scene that was never seen."""
-        return self.whitening.init(frame.shape, frame.dtype)
+        repeated = None if self.independence is None else self.independence.init(frame.shape, frame.dtype)
+        return self.whitening.init(frame.shape, frame.dtype), repeated
 
     def step(
         self, memory: Any, time: Float[Array, ""], frame: Float[Array, "y x"]
     ) -> tuple[Any, CellScan, Float[Array, "y x"]]:
         """As `Background.step`."""
-        memory, residual, _ = self.whitening.step(memory, frame)
-        return memory, CellScan(time, residual), residual
+        scene, repeated = memory
+        scene, residual, moved = self.whitening.step(scene, frame)
+        if self.independence is None:
+            return (scene, repeated), CellScan(time, residual), residual
+        repeated, share = self.independence.step(repeated, residual, moved)
+        return (scene, repeated), CellScan(time, residual, independent=share), residual
 
 
 class OverClutter(eqx.Module):
