@@ -81,9 +81,9 @@ class OverScene(eqx.Module):
         scene, repeated = memory
         scene, residual, moved = self.whitening.step(scene, frame)
         if self.independence is None:
-            return (scene, repeated), CellScan(time, residual), residual
+            return (scene, repeated), CellScan(time, residual, moved=moved), residual
         repeated, share = self.independence.step(repeated, residual, moved)
-        return (scene, repeated), CellScan(time, residual, independent=share), residual
+        return (scene, repeated), CellScan(time, residual, independent=share, moved=moved), residual
 
 
 class OverClutter(eqx.Module):

@@ -31,8 +31,9 @@ from faintrack.kinds.loop import begun
 from faintrack.kinds.several import Tracker
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import HALF, Component, estimated
-from faintrack.sensors.cells import Cells, cell_surface
+from faintrack.sensors.cells import Cells, CellScan, cell_surface
 from faintrack.signal.scans import Background
+from faintrack.trackers.with_scene import with_scene
 
 BLOCK_BYTES = 8 * 2**20
 """Of the frames held at once; frames a block follow from it."""
@@ -78,6 +79,8 @@ class FramesStep(eqx.Module):
         memory, cells, relative = self.background.step(memory, time, frame)
         # Of a value that is not a number a likelihood says nothing.
         cells = eqx.tree_at(lambda cells: cells.values, cells, jnp.where(missing, jnp.nan, cells.values))
+        if isinstance(cells, CellScan) and cells.moved is not None:
+            following = with_scene(following, cells.moved)
         following, estimate = self.tracker.step(following, cells, key)
         if len(self.cells.axes) == 1:
             rows = {"record": relative, "surface": cell_surface(following.belief, self.cells)}
