@@ -1,22 +1,24 @@
 r"""How much of what residuals say is new: their correlation from frame to frame and between neighbours.
 
 A ratio that is a product over cells and frames takes each for a witness of its own. Residuals of real scenes repeat
-themselves: a pixel that a tree raises is raised in the next frame too, and its neighbours with it. Of n values with the
-correlation :math:`\rho^{|i-j|}` the mean has the variance that :math:`n (1 - \rho) / (1 + \rho)` independent ones would
-have, and a sum over the cells of a target, weighed by its spread h, has a variance g times that of independent cells.
-So of the logarithm of a ratio the share
+themselves: a pixel that a tree raises is raised in the next frame too, and its neighbours with it. A sum over n frames
+with the correlation :math:`\rho_l` at a lag of l frames has :math:`\tau = 1 + 2 \sum_l \rho_l` times the variance that
+independent ones would give it, and a sum over the cells of a target, weighed by its spread h, has g times that of
+independent cells. So of the logarithm of a ratio the share
 
-.. math:: \beta = \frac{1}{g} \, \frac{1 - \rho}{1 + \rho}
+.. math:: \beta = \frac{1}{g \, \tau}
 
-counts. Both are learnt where they are used, with :math:`x` the residuals, cut off at three deviations, m their sum
-weighed by h, :math:`\langle \cdot \rangle` the mean over the pixels around and over the frames that are remembered:
+counts. Both are learnt where they are used. With :math:`x` the residuals, cut off at three deviations, m their sum
+weighed by h, :math:`\langle \cdot \rangle` the mean over the pixels around and over the frames that are remembered, and
+the past :math:`a_t = \lambda a_{t-1} + m_t` of a pixel,
 
 .. math::
     g = \frac{\langle m^2 \rangle}{\langle x^2 \rangle \sum h^2}, \qquad
-    \rho = \max \left( \frac{\langle m_t \, m_{t-1} \rangle}{\langle m^2 \rangle},
-        \frac{\langle m_t \, m'_{t-1} \rangle}{\langle m^2 \rangle}, 0 \right)
+    \tau = 1 + 2 \max \left( \frac{\langle m_t \, a_{t-1} \rangle}{\langle m^2 \rangle},
+        \frac{\langle m_t \, a'_{t-1} \rangle}{\langle m^2 \rangle}, 0 \right)
+      \approx 1 + 2 \sum_l \lambda^{l-1} \rho_l ,
 
-where :math:`m'` is moved with the scene: a target may stay with the detector or with the scene. As
+where :math:`a'` has moved with the scene in every frame: a target may stay with the detector or move with the scene. As
 :math:`\mathrm{E}[\ell^\beta] \le \mathrm{E}[\ell]^\beta = 1`, what counts less never errs towards a target.
 """
 
@@ -32,8 +34,8 @@ from faintrack.signal.windows import shifted, square_sum
 CUT = 3.0
 """Deviations at which a residual is cut off: a target among the pixels around has little to say."""
 
-HIGHEST = 0.95
-"""Correlation from frame to frame at most."""
+LASTING = 0.9
+"""By which the past fades from frame to frame: ten frames back a correlation counts for a third."""
 
 
 class Repeated(eqx.Module):
@@ -41,13 +43,14 @@ class Repeated(eqx.Module):
 
     Attributes
     ----------
-    last : m of the frame before.
+    past_still, past_moving : a and a', the past of m at the same pixel, and at the same place of the scene.
     power : of m.
     cells : of x, times the sum of the squares of h.
-    still, moving : of m times that of the frame before, at the same pixel and at the same place of the scene.
+    still, moving : of m times either past.
     """
 
-    last: Float[Array, "y x"]
+    past_still: Float[Array, "y x"]
+    past_moving: Float[Array, "y x"]
     power: Float[Array, "y x"]
     cells: Float[Array, "y x"]
     still: Float[Array, "y x"]
@@ -83,7 +86,7 @@ class Independence:
     def init(self, shape: tuple[int, ...], dtype: Any = jnp.float32) -> Repeated:
         """Before the first frame."""
         nothing = jnp.zeros(shape, dtype)
-        return Repeated(nothing, nothing, nothing, nothing, nothing)
+        return Repeated(nothing, nothing, nothing, nothing, nothing, nothing)
 
     def step(
         self, repeated: Repeated, residuals: Float[Array, "y x"], moved: Int[Array, " axis"]
@@ -106,18 +109,20 @@ class Independence:
         def kept(sum: Array, new: Array) -> Array:
             return (1 - 1 / self.memory) * sum + square_sum(new, self.around)
 
+        past_moving = shifted(repeated.past_moving, moved)
         repeated = Repeated(
-            matched,
+            LASTING * repeated.past_still + matched,
+            LASTING * past_moving + matched,
             kept(repeated.power, matched**2),
             kept(repeated.cells, values**2 * (1 + 2 * self.spread**2) ** 2),
-            kept(repeated.still, matched * repeated.last),
-            kept(repeated.moving, matched * shifted(repeated.last, moved)),
+            kept(repeated.still, matched * repeated.past_still),
+            kept(repeated.moving, matched * past_moving),
         )
         some = repeated.power > 0
         power = jnp.where(some, repeated.power, 1)
-        alike = jnp.clip(jnp.maximum(repeated.still, repeated.moving) / power, 0, HIGHEST)
+        longer = 1 + 2 * jnp.maximum(jnp.maximum(repeated.still, repeated.moving) / power, 0)
         wider = jnp.maximum(power / jnp.where(some, repeated.cells, 1), 1)
-        return repeated, jnp.where(some, (1 - alike) / (1 + alike) / wider, 1)
+        return repeated, jnp.where(some, 1 / (longer * wider), 1)
 
     def _weighed(self, values: Float[Array, "y x"]) -> Float[Array, "y x"]:
         """Sum over the three pixels along each axis, weighed by the spread."""
