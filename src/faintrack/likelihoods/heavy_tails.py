@@ -52,7 +52,7 @@ class Student:
     >>> round(float(Student(8.0)(jnp.array(3.0), 2.0)), 4), round(float(Student(1e6)(jnp.array(3.0), 2.0)), 2)
     (3.4296, 4.0)
     >>> round(float(Student(10.0)(jnp.array(0.0), 6.0)), 1), round(float(Student(10.0, 0.7)(jnp.array(0.0), 6.0)), 1)
-    (-9.4, -2.6)
+    (-9.4, -2.7)
     """
 
     freedom: float

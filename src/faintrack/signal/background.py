@@ -30,8 +30,12 @@ The variance of w is 1, to 5 %, where the level is the same over the ring. Where
 it is :math:`\sigma_i^2 (k + n - 1) / (k A\sigma_i^2 + (n - 1) \sigma_i^2)`, between 1 and what the ring alone would
 give. Along the edges, within the reach of the ring, the ring is mirrored and predicts a drifting scene worse: in one
 of ten deviations a pixel the variance there is about half as much again.
+
+Pixels that are broken are left out (`faintrack.signal.bad_pixels`). Values that were rounded to steps of d are never
+known better than :math:`d^2 / 12`, the variance of the rounding; d is the least difference of two neighbours so far.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -59,12 +63,14 @@ class Memory(eqx.Module):
     variance : about it.
     frames : how many frames it rests on, the old ones forgotten.
     pixels : which of the detector's are bad.
+    step : least difference between neighbouring values, other than 0; the frames' unit.
     """
 
     mean: Float[Array, "y x"]
     variance: Float[Array, "y x"]
     frames: Float[Array, "y x"]
     pixels: BadPixels
+    step: Float[Array, ""]
 
 
 class Whitening(eqx.Module):
@@ -111,7 +117,7 @@ class Whitening(eqx.Module):
     def init(self, shape: tuple[int, ...], dtype: Any = jnp.float32) -> Memory:
         """Memory before the first frame."""
         nothing = jnp.zeros(shape, dtype)
-        return Memory(nothing, nothing, nothing, no_bad_pixels(shape, dtype))
+        return Memory(nothing, nothing, nothing, no_bad_pixels(shape, dtype), jnp.array(jnp.inf, dtype))
 
     def step(
         self, memory: Memory, frame: Float[Array, "y x"]
@@ -132,18 +138,22 @@ class Whitening(eqx.Module):
         flat = frame - frame[0, 0]
         left = flat - ring_mean(flat, self.outer, self.guard)
         power = jnp.mean(jnp.square(frame))
-        floor = jnp.where(power > 0, SMALLEST * power, 1)
+        apart = jnp.abs(jnp.diff(frame, axis=1))
+        step = jnp.minimum(memory.step, jnp.min(jnp.where(apart > 0, apart, jnp.inf)))
+        rounding = jnp.where(jnp.isfinite(step), jnp.square(step) / 12, 0)
+        floor = jnp.maximum(jnp.where(power > 0, SMALLEST * power, 1), rounding)
 
         def around(values: Array) -> Array:
             return jnp.maximum(ring_mean(jnp.square(values), self.outer, self.guard), floor)
 
         if not self.memory:
+            memory = dataclasses.replace(memory, step=step)
             return memory, left / jnp.sqrt(around(left)), jnp.zeros(2, jnp.int32)
-        pixels = memory.pixels.seen(left, jnp.sqrt(around(left)))
-        flat = pixels.mended(flat)
+        raw, flat = left, memory.pixels.mended(flat)
         left = flat - ring_mean(flat, self.outer, self.guard)
         # Each over its local level: otherwise the loudest corner of the frame decides on the drift.
         moved = drift(memory.mean / jnp.sqrt(around(memory.mean)), left / jnp.sqrt(around(left)))
+        pixels = memory.pixels.seen(raw, jnp.sqrt(around(raw)), jnp.any(moved != 0))
         mean, variance, known = (shifted(values, moved) for values in (memory.mean, memory.variance, memory.frames))
         seen = jnp.maximum(known - 1, 0)
         off = left - mean
@@ -159,8 +169,10 @@ class Whitening(eqx.Module):
             variance + jnp.where(known > 0, change / jnp.maximum(frames - 1, 1), 0),
             frames,
             pixels,
+            step,
         )
-        return learned, jnp.where((known < self.least) | pixels.bad, jnp.nan, residual), moved
+        silent = (known < self.least) | pixels.bad | memory.pixels.bad
+        return learned, jnp.where(silent, jnp.nan, residual), moved
 
     @eqx.filter_jit
     def whiten(self, frames: Float[Array, "frame y x"]) -> tuple[Float[Array, "frame y x"], Int[Array, "frame axis"]]:

@@ -6,9 +6,11 @@ of r over the four pixels beside, a pixel is alone in a frame where
 
 .. math:: |r| > 3 s, \qquad \bar r \operatorname{sgn} r < 0.1 \, |r| .
 
-The share of the frames in which it was, of the last ten or so, is remembered where the pixel is and not moved with the
-scene. From one half on the pixel is bad, seven frames in a row; it is good again after some thirty frames in which it
-was not alone. A point at rest on one pixel, narrower than a pixel, is bad too: nothing tells it from a broken one.
+Of the last frames in which the scene moved, the share in which a pixel was alone is remembered where the pixel is. A
+stone goes with the scene; a pixel that stays alone through four moves in a row, whose share is then above one half, is
+bad, and good again after some fifteen without. While the scene is at rest nothing is learnt, and its memory explains a
+broken pixel like a stone. A point that a camera holds on one pixel is bad too, if it is narrower than a pixel: nothing
+tells it from a broken one.
 """
 
 from typing import Any
@@ -24,8 +26,8 @@ BESIDE = 0.1
 """Mean of the four pixels beside over the pixel's own value, from which a pixel is not alone; a point of the width 0.55
 pixels in the middle of one has 0.19."""
 
-FRAMES = 10.0
-"""Over which the share of frames is taken."""
+FRAMES = 5.0
+"""In which the scene moved, over which the share is taken."""
 
 BAD, GOOD = 0.5, 0.02
 """Share of frames alone above which a pixel becomes bad, and below which it is good again."""
@@ -36,15 +38,15 @@ class BadPixels(eqx.Module):
 
     Attributes
     ----------
-    alone : share of the last frames in which a pixel stood out alone.
+    alone : share of the last frames, of a moving scene, in which a pixel stood out alone.
     bad : pixels that are not to be read.
 
     Examples
     --------
     >>> pixels = no_bad_pixels((9, 9))
     >>> frame = jnp.zeros((9, 9)).at[4, 4].set(50.0)
-    >>> for _ in range(7):
-    ...     pixels = pixels.seen(frame, jnp.ones((9, 9)))
+    >>> for _ in range(4):
+    ...     pixels = pixels.seen(frame, jnp.ones((9, 9)), jnp.array(True))
     >>> int(pixels.bad.sum()), float(pixels.mended(frame).max())
     (1, 0.0)
     """
@@ -52,17 +54,18 @@ class BadPixels(eqx.Module):
     alone: Float[Array, "y x"]
     bad: Bool[Array, "y x"]
 
-    def seen(self, left: Float[Array, "y x"], deviation: Float[Array, "y x"]) -> "BadPixels":
+    def seen(self, left: Float[Array, "y x"], deviation: Float[Array, "y x"], moved: Bool[Array, ""]) -> "BadPixels":
         """After a frame.
 
         Parameters
         ----------
         left : what the frame has over its surroundings; any unit.
         deviation : of that; the same unit.
+        moved : whether the scene has moved since the frame before.
         """
         size = jnp.abs(left)
         alone = (size > OUTSTANDING * deviation) & (beside(left) * jnp.sign(left) < BESIDE * size)
-        share = self.alone + (alone - self.alone) / FRAMES
+        share = jnp.where(moved, self.alone + (alone - self.alone) / FRAMES, self.alone)
         return BadPixels(share, share > jnp.where(self.bad, GOOD, BAD))
 
     def mended(self, frame: Float[Array, "y x"]) -> Float[Array, "y x"]:

@@ -53,8 +53,11 @@ AMPLITUDES: dict[str, Amplitude] = {
     "swerling1": swerling1,
     "rayleigh": rayleigh,
 }
-RESIDUALS = ("gaussian", "student")
-"""Amplitudes of values that may be negative."""
+TAILS = {"gaussian": 1.05e-4, "student": 1e-3}
+"""Amplitudes of values that may be negative; share of the noise above `faintrack.signal.fit.BEYOND` deviations."""
+
+RESIDUALS = tuple(TAILS)
+"""Their names."""
 
 DEVIATIONS, POWERS = (2.0, 5.0, 12.0, 30.0), (10.0,)
 """Levels of a target by default: over the standard deviation of the noise; over its power."""
