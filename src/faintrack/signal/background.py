@@ -157,7 +157,7 @@ class Whitening(eqx.Module):
         mean, variance, known = (shifted(values, moved) for values in (memory.mean, memory.variance, memory.frames))
         seen = jnp.maximum(known - 1, 0)
         off = left - mean
-        expected = (1 + 1 / jnp.maximum(known, 1)) * variance
+        expected = jnp.maximum((1 + 1 / jnp.maximum(known, 1)) * variance, rounding)
         deviation = jnp.sqrt((self.ring_frames * around(off) + seen * expected) / (self.ring_frames + seen))
         residual = off / deviation
         told = jnp.where(known < self.least, off, jnp.clip(residual, -self.cut, self.cut) * deviation)

@@ -1,4 +1,4 @@
-"""Whether residuals of a scene look as the background says: how many lie beyond where few should, how many are new.
+"""Whether residuals of a scene look as the background says: how many lie beyond, and how many are new.
 
 A likelihood ratio is worth what its denominator is. The residuals of a frame are tens of thousands of values, nearly all
 of them without a target, so what share of them lies above `BEYOND` deviations is known well, and so is the share of
