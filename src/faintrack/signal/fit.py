@@ -1,7 +1,7 @@
 """Whether residuals of a scene look as the background says: how many lie beyond, and how many are new.
 
-A likelihood ratio is worth what its denominator is. The residuals of a frame are tens of thousands of values, nearly all
-of them without a target, so what share of them lies above `BEYOND` deviations is known well, and so is the share of
+A likelihood ratio is worth what its denominator is. The residuals of a frame are tens of thousands of values, nearly
+all of them without a target, so what share of them lies above `BEYOND` deviations is known well, and so is the share of
 what they say that is new (`faintrack.signal.independence`). Where either is far from what the likelihood takes for
 granted, `Fit.sentences` says so, with the likely reason and the remedy.
 """

@@ -80,7 +80,7 @@ class Independence:
     >>> for frame in noise:
     ...     repeated, share = learns.step(repeated, frame, jnp.zeros(2, int))
     >>> round(float(share.mean()), 1)
-    0.7
+    0.9
     """
 
     spread: float
