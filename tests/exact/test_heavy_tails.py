@@ -1,5 +1,6 @@
 """Student noise and unknown levels against densities from scipy and direct integration."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from faintrack.likelihoods.heavy_tails import student
 from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.sensors.cells import Cells, CellScan
 from faintrack.targets.states import RangeState
-from tests.tolerances import assert_equal
+from tests.tolerances import STANDARD_ERRORS, assert_equal
 
 CELLS = Cells((("range", Axis(0.0, 1.0, 20)),))
 
@@ -34,6 +35,31 @@ def test_mean_ratio_under_student_noise_is_1(float64: type) -> None:
     mean, error = integrate.quad(lambda y: float(jnp.exp(ratio(jnp.asarray(y), 3.0))) * noise.pdf(y), -30, 30, limit=60)
     beyond = noise.sf(30 - 3.0) + noise.cdf(-30 - 3.0)
     assert abs(mean + beyond - 1) < 1e-7 + error
+
+
+@pytest.mark.parametrize("slack", [0.3, 0.7])
+def test_slack_widens_the_density_under_a_target_with_its_level(slack: float, dtype: type) -> None:
+    freedom, level, value = 6.0, 5.0, np.linspace(-8, 12, 41)
+    scale = np.sqrt((freedom - 2) / freedom)
+    noise = stats.t(freedom, scale=scale)
+    target = stats.t(freedom, loc=level, scale=scale * np.hypot(1, slack * level))
+    expected = target.logpdf(value) - noise.logpdf(value)
+    actual = student(freedom, slack=slack)(jnp.asarray(value, dtype), jnp.asarray(level, dtype))
+    assert_equal(actual, expected, dtype, 48, 10.0)
+
+
+def test_draws_with_slack_have_the_mean_and_deviation_of_their_density() -> None:
+    count, level, slack = 20_000, 5.0, 0.7
+    drawn = np.asarray(student(10.0, slack=slack).draw(jax.random.key(0), jnp.full(count, level)), float)
+    deviation = np.hypot(1, slack * level)
+    assert abs(drawn.mean() - level) < STANDARD_ERRORS * deviation / count**0.5
+    # Of ten degrees of freedom the kurtosis is 4.
+    assert abs(drawn.var() / deviation**2 - 1) < STANDARD_ERRORS * (3 / count) ** 0.5
+
+
+def test_slack_below_0_is_refused() -> None:
+    with pytest.raises(InputError, match=r"slack is -0.1; expected at least 0"):
+        student(10.0, slack=-0.1)
 
 
 def test_no_level_says_nothing() -> None:

@@ -7,6 +7,9 @@ level that arrives there
 .. math::
     \log \ell(z | x) = \sum_i \log \frac{p(z_i \mid \text{level } u\, h_i(x))}{p(z_i \mid \text{level } 0)} .
 
+Where the cells of a scan are not independent of each other and of the scans before, a logarithm counts by the share
+that is (`faintrack.signal.independence`), and the mean ratio without a target is at most 1.
+
 Two functions make a likelihood. The *amplitude* says what a level does to the value of a cell: `gaussian`, `swerling1`,
 `swerling0`, `rayleigh`. The *spread* says which share of the level a cell at some offset from the target gets: all of
 it and nothing elsewhere (`point`), `spill_over`, `gaussian_spread`. Shares multiply the level of the amplitude model,
@@ -325,7 +328,8 @@ class CellLikelihood(eqx.Module):
         # Values are padded and silenced, not ratios: XLA works a Bessel function out slowly within a pad or a select.
         missing = jnp.isnan(scan.values)
         values = jnp.pad(jnp.where(missing, 0, scan.values), 2 * reach)
-        heard = jnp.pad((~missing).astype(dtype), 2 * reach)
+        counted = (~missing).astype(dtype)
+        heard = jnp.pad(counted if scan.independent is None else counted * scan.independent, 2 * reach)
         level = jnp.asarray(self.level, dtype)
         if scan.gain is not None:
             level = level * scan.gain

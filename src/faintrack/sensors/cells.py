@@ -52,11 +52,16 @@ class CellScan(eqx.Module):
     time : seconds.
     values : one a cell, in the order of the cells' axes: amplitude, envelope or power, as the likelihood expects.
     gain : what the level of a target counts in each cell, where others are part of the background; 1 where None.
+    independent : share of what each cell says that neither its neighbours nor the frames before have said; 1 where
+        None.
+    moved : cells along each axis by which the scene has moved since the frame before; None where there is no scene.
     """
 
     time: Float[Array, "*frame"]
     values: Float[Array, "..."]
     gain: Float[Array, "..."] | None = None
+    independent: Float[Array, "..."] | None = None
+    moved: Int[Array, "*frame axis"] | None = None
 
 
 def cell_surface(belief: Belief, cells: Cells) -> Float[Array, "*cells"]:

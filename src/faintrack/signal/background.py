@@ -30,8 +30,12 @@ The variance of w is 1, to 5 %, where the level is the same over the ring. Where
 it is :math:`\sigma_i^2 (k + n - 1) / (k A\sigma_i^2 + (n - 1) \sigma_i^2)`, between 1 and what the ring alone would
 give. Along the edges, within the reach of the ring, the ring is mirrored and predicts a drifting scene worse: in one
 of ten deviations a pixel the variance there is about half as much again.
+
+Pixels that are broken are left out (`faintrack.signal.bad_pixels`). Values that were rounded to steps of d are never
+known better than :math:`d^2 / 12`, the variance of the rounding; d is the least difference of two neighbours so far.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -40,6 +44,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from faintrack.errors import InputError
+from faintrack.signal.bad_pixels import BadPixels, no_bad_pixels
+from faintrack.signal.windows import shifted, square_sum
 
 SMALLEST = 1e-6
 """Least variance over the mean square of a frame: constant frames, padding and saturation divide by it."""
@@ -56,11 +62,15 @@ class Memory(eqx.Module):
     mean : of what the ring leaves over; the frames' unit.
     variance : about it.
     frames : how many frames it rests on, the old ones forgotten.
+    pixels : which of the detector's are bad.
+    step : least difference between neighbouring values, other than 0; the frames' unit.
     """
 
     mean: Float[Array, "y x"]
     variance: Float[Array, "y x"]
     frames: Float[Array, "y x"]
+    pixels: BadPixels
+    step: Float[Array, ""]
 
 
 class Whitening(eqx.Module):
@@ -107,7 +117,7 @@ class Whitening(eqx.Module):
     def init(self, shape: tuple[int, ...], dtype: Any = jnp.float32) -> Memory:
         """Memory before the first frame."""
         nothing = jnp.zeros(shape, dtype)
-        return Memory(nothing, nothing, nothing)
+        return Memory(nothing, nothing, nothing, no_bad_pixels(shape, dtype), jnp.array(jnp.inf, dtype))
 
     def step(
         self, memory: Memory, frame: Float[Array, "y x"]
@@ -128,32 +138,41 @@ class Whitening(eqx.Module):
         flat = frame - frame[0, 0]
         left = flat - ring_mean(flat, self.outer, self.guard)
         power = jnp.mean(jnp.square(frame))
-        floor = jnp.where(power > 0, SMALLEST * power, 1)
+        apart = jnp.abs(jnp.diff(frame, axis=1))
+        step = jnp.minimum(memory.step, jnp.min(jnp.where(apart > 0, apart, jnp.inf)))
+        rounding = jnp.where(jnp.isfinite(step), jnp.square(step) / 12, 0)
+        floor = jnp.maximum(jnp.where(power > 0, SMALLEST * power, 1), rounding)
 
         def around(values: Array) -> Array:
             return jnp.maximum(ring_mean(jnp.square(values), self.outer, self.guard), floor)
 
         if not self.memory:
+            memory = dataclasses.replace(memory, step=step)
             return memory, left / jnp.sqrt(around(left)), jnp.zeros(2, jnp.int32)
+        raw, flat = left, memory.pixels.mended(flat)
+        left = flat - ring_mean(flat, self.outer, self.guard)
         # Each over its local level: otherwise the loudest corner of the frame decides on the drift.
         moved = drift(memory.mean / jnp.sqrt(around(memory.mean)), left / jnp.sqrt(around(left)))
-        memory = jax.tree.map(lambda values: _shifted(values, moved), memory)
-        known = memory.frames
+        pixels = memory.pixels.seen(raw, jnp.sqrt(around(raw)), jnp.any(moved != 0))
+        mean, variance, known = (shifted(values, moved) for values in (memory.mean, memory.variance, memory.frames))
         seen = jnp.maximum(known - 1, 0)
-        off = left - memory.mean
-        expected = (1 + 1 / jnp.maximum(known, 1)) * memory.variance
+        off = left - mean
+        expected = jnp.maximum((1 + 1 / jnp.maximum(known, 1)) * variance, rounding)
         deviation = jnp.sqrt((self.ring_frames * around(off) + seen * expected) / (self.ring_frames + seen))
         residual = off / deviation
         told = jnp.where(known < self.least, off, jnp.clip(residual, -self.cut, self.cut) * deviation)
         frames = (1 - 1 / self.memory) * known + 1
-        change = known / (known + 1) * jnp.square(told) - memory.variance
+        change = known / (known + 1) * jnp.square(told) - variance
         learned = Memory(
-            memory.mean + told / frames,
+            mean + told / frames,
             # One frame knows a mean and nothing about it.
-            memory.variance + jnp.where(known > 0, change / jnp.maximum(frames - 1, 1), 0),
+            variance + jnp.where(known > 0, change / jnp.maximum(frames - 1, 1), 0),
             frames,
+            pixels,
+            step,
         )
-        return learned, jnp.where(known < self.least, jnp.nan, residual), moved
+        silent = (known < self.least) | pixels.bad | memory.pixels.bad
+        return learned, jnp.where(silent, jnp.nan, residual), moved
 
     @eqx.filter_jit
     def whiten(self, frames: Float[Array, "frame y x"]) -> tuple[Float[Array, "frame y x"], Int[Array, "frame axis"]]:
@@ -181,7 +200,7 @@ def ring_mean(values: Float[Array, "y x"], outer: int, guard: int) -> Float[Arra
     [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     """
     count = (2 * outer + 1) ** 2 - (2 * guard + 1) ** 2
-    return (_square_sum(values, outer) - _square_sum(values, guard)) / count
+    return (square_sum(values, outer) - square_sum(values, guard)) / count
 
 
 def drift(before: Float[Array, "y x"], after: Float[Array, "y x"]) -> Int[Array, " axis"]:
@@ -212,18 +231,3 @@ def drift(before: Float[Array, "y x"], after: Float[Array, "y x"]) -> Int[Array,
     moved = (peak + half) % jnp.array(before.shape) - half
     believed = jnp.max(correlation) > SIGNIFICANT * jnp.sqrt(jnp.mean(jnp.square(correlation)))
     return jnp.where(believed, moved, 0)
-
-
-def _square_sum(values: Float[Array, "y x"], reach: int) -> Float[Array, "y x"]:
-    """Sum over the square around each pixel."""
-    height, width = values.shape
-    padded = jnp.pad(values, reach, mode="reflect")
-    columns = jnp.stack([padded[start : start + height] for start in range(2 * reach + 1)]).sum(axis=0)
-    return jnp.stack([columns[:, start : start + width] for start in range(2 * reach + 1)]).sum(axis=0)
-
-
-def _shifted(values: Float[Array, "y x"], moved: Int[Array, " axis"]) -> Float[Array, "y x"]:
-    """Values moved by whole pixels, 0 where nothing was before."""
-    y, x = (jnp.arange(count) - moved[axis] for axis, count in enumerate(values.shape))
-    inside = ((y >= 0) & (y < values.shape[0]))[:, None] & ((x >= 0) & (x < values.shape[1]))[None, :]
-    return jnp.where(inside, jnp.roll(values, moved, axis=(0, 1)), 0)

@@ -12,8 +12,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from faintrack.sensors.cells import CellScan
-from faintrack.signal.background import Whitening
+from faintrack.signal.background import Memory, Whitening
 from faintrack.signal.clutter import ClutterScan, ClutterTracker
+from faintrack.signal.fit import Fit, nothing_seen
+from faintrack.signal.independence import Independence, Repeated
 
 
 @runtime_checkable
@@ -56,21 +58,47 @@ class OverNoise(eqx.Module):
         return None, CellScan(time, values), values
 
 
+class Scene(eqx.Module):
+    """What is known of a scene.
+
+    Attributes
+    ----------
+    behind : what is seen at every pixel.
+    repeated : correlations of the residuals.
+    fit : counts of them.
+    """
+
+    behind: Memory
+    repeated: Repeated
+    fit: Fit
+
+
 class OverScene(eqx.Module):
-    """Frames whitened: residuals of mean 0 and variance 1, see `faintrack.signal.background`."""
+    """Frames whitened: residuals of mean 0 and variance 1, counted by the share that is independent.
+
+    Attributes
+    ----------
+    whitening : see `faintrack.signal.background`.
+    independence : see `faintrack.signal.independence`.
+    """
 
     whitening: Whitening
+    independence: Independence = eqx.field(static=True)
 
-    def init(self, frame: Float[Array, "y x"]) -> Any:
+    def init(self, frame: Float[Array, "y x"]) -> Scene:
         """Memory of a scene that was never seen."""
-        return self.whitening.init(frame.shape, frame.dtype)
+        shape, dtype = frame.shape, frame.dtype
+        return Scene(self.whitening.init(shape, dtype), self.independence.init(shape, dtype), nothing_seen())
 
     def step(
-        self, memory: Any, time: Float[Array, ""], frame: Float[Array, "y x"]
-    ) -> tuple[Any, CellScan, Float[Array, "y x"]]:
+        self, memory: Scene, time: Float[Array, ""], frame: Float[Array, "y x"]
+    ) -> tuple[Scene, CellScan, Float[Array, "y x"]]:
         """As `Background.step`."""
-        memory, residual, _ = self.whitening.step(memory, frame)
-        return memory, CellScan(time, residual), residual
+        behind, residual, moved = self.whitening.step(memory.behind, frame)
+        repeated, independent = self.independence.step(memory.repeated, residual, moved)
+        fit = memory.fit.seen(residual, independent)
+        scan = CellScan(time, residual, independent=independent, moved=moved)
+        return Scene(behind, repeated, fit), scan, residual
 
 
 class OverClutter(eqx.Module):

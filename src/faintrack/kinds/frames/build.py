@@ -32,6 +32,7 @@ from faintrack.likelihoods.within import Within
 from faintrack.sensors.cells import Cells
 from faintrack.signal.background import Whitening
 from faintrack.signal.clutter import ClutterTracker
+from faintrack.signal.independence import Independence
 from faintrack.signal.scans import Background, OverClutter, OverNoise, OverScene
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState, RangeState
@@ -47,15 +48,18 @@ STATES: dict[frozenset[str], Any] = {
 
 AMPLITUDES: dict[str, Amplitude] = {
     "gaussian": gaussian,
-    "student": student(10.0),
+    "student": student(10.0, slack=0.7),
     "swerling0": swerling0,
     "swerling1": swerling1,
     "rayleigh": rayleigh,
 }
-RESIDUALS = ("gaussian", "student")
-"""Amplitudes of values that may be negative."""
+TAILS = {"gaussian": 1.05e-4, "student": 1e-3}
+"""Amplitudes of values that may be negative; share of the noise above `faintrack.signal.fit.BEYOND` deviations."""
 
-DEVIATIONS, POWERS = (2.0, 5.0, 12.0), (10.0,)
+RESIDUALS = tuple(TAILS)
+"""Their names."""
+
+DEVIATIONS, POWERS = (2.0, 5.0, 12.0, 30.0), (10.0,)
 """Levels of a target by default: over the standard deviation of the noise; over its power."""
 
 WIDTH = 0.55
@@ -66,6 +70,9 @@ PLACES = 3
 
 MEMORY = {"whiten": 30.0, "clutter": 200.0}
 """Frames after which a background is forgotten by default."""
+
+LEARNT = MEMORY["whiten"]
+"""Frames from which the correlation of residuals is learnt, where no scene is remembered."""
 
 LARGEST_GRID = 20_000_000
 """Cells of a grid at most: each takes some fifty bytes, and about 0.2 microseconds a frame."""
@@ -142,7 +149,10 @@ def build_background(scenario: FramesScenario, sequence: Sequence) -> Background
             f"frames have shape {sequence.shape}; expected two axes with more than {whitening.outer} cells each "
             "for background whiten."
         )
-    return OverScene(whitening)
+    width = WIDTH if scenario.cells.width is None else scenario.cells.width
+    beside = float(np.exp(-0.5 / width**2)) if width else 0.0
+    around = min(Independence.around, min(sequence.shape) - 1)
+    return OverScene(whitening, Independence(beside, memory or LEARNT, around))
 
 
 def build_cells(scenario: FramesScenario, sequence: Sequence, oversample: int) -> Likelihood:

@@ -18,6 +18,7 @@ from faintrack.data.sequence import Sequence
 from faintrack.errors import naming
 from faintrack.kinds.clean import CleanFrames
 from faintrack.kinds.frames.build import (
+    TAILS,
     build_background,
     build_tracker,
     chosen,
@@ -31,8 +32,9 @@ from faintrack.kinds.loop import begun
 from faintrack.kinds.several import Tracker, with_targets
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import HALF, Component, estimated
-from faintrack.sensors.cells import Cells, cell_surface
-from faintrack.signal.scans import Background
+from faintrack.sensors.cells import Cells, CellScan, cell_surface
+from faintrack.signal.scans import Background, Scene
+from faintrack.trackers.with_scene import with_scene
 
 BLOCK_BYTES = 8 * 2**20
 """Of the frames held at once; frames a block follow from it."""
@@ -78,6 +80,8 @@ class FramesStep(eqx.Module):
         memory, cells, relative = self.background.step(memory, time, frame)
         # Of a value that is not a number a likelihood says nothing.
         cells = eqx.tree_at(lambda cells: cells.values, cells, jnp.where(missing, jnp.nan, cells.values))
+        if isinstance(cells, CellScan) and cells.moved is not None:
+            following = with_scene(following, cells.moved)
         following, estimate = self.tracker.step(following, cells, key)
         if len(self.cells.axes) == 1:
             rows = {"record": relative, "surface": cell_surface(following.belief, self.cells)}
@@ -123,7 +127,11 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         times = sequence.times[start : start + len(block[0])] - sequence.times[0]
         return _dataset(times, estimates, pictures, sequence)
 
+    misfits: list[str] = []
+
     def close(state: tuple[Any, Any, Array]) -> xr.Dataset:
+        if isinstance(state[0], Scene):
+            misfits[:] = state[0].fit.sentences(TAILS[scenario.cells.amplitude or "student"])
         shown = np.concatenate([sequence.read(number, number + 1) for number in snapshots.tolist()]).astype(np.float32)
         return _snapshots(sequence.times[snapshots] - sequence.times[0], shown, np.asarray(state[2]), sequence)
 
@@ -136,7 +144,7 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         length=sequence.length,
         size=int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, min(LONGEST_BLOCK, sequence.length))),
         seed=scenario.filter.seed,
-        remarks=clean.remarks,
+        remarks=lambda: (*clean.remarks(), *misfits),
         within=NEAR_CELLS * min(axis.step for _, axis in sequence.axes),
         close=close if images else None,
     )
