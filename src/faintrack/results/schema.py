@@ -9,7 +9,7 @@ one label, in whatever slot they stand.
 `track_existence`    time, slot                   probability that the track's own target exists
 `x`, `bearing`, ...  time, slot                   mean of each component of the state; not a number in a free slot
 `covariance`         time, slot, component x 2    of the components, in the order of `component`, in their units
-`heard`              time, slot                   probability that the target is heard, where it may fall silent
+`observable`         time, slot                   probability that a target that exists shows in scans, where it may not
 `full`               time                         whether a target was found and no slot was free, of several
 `log_evidence`       time                         log of the mean likelihood ratio of the scan, where it is known
 ===================  ===========================  =========================================================
@@ -142,9 +142,9 @@ def estimated(times: np.ndarray, estimates: Any, components: tuple[Component, ..
         np.where(held[..., None, None], covariance, np.nan).astype(np.float32),
         {"units": "products of the components' units", "long_name": "covariance of the components"},
     )
-    if hasattr(estimates, "heard"):
-        heard = np.where(held, slots(estimates.heard), np.nan).astype(np.float32)
-        variables["heard"] = _of_slots(heard, "1", "probability that the target is heard, if it exists")
+    if hasattr(estimates, "observable"):
+        observable = np.where(held, slots(estimates.observable), np.nan).astype(np.float32)
+        variables["observable"] = _of_slots(observable, "1", "probability that the target is observable, if it exists")
     if hasattr(estimates, "full"):
         full = "whether a target was found and no slot was free"
         variables["full"] = of_scans(estimates.full, "1", full, counted="full_scans")

@@ -10,7 +10,7 @@ updated with what is expected of all others in its background, which is the line
 and La Scala (*Multi-target tracking in clutter without measurement assignment*, 2008) carried over from the clutter of
 detections to any background: exact for one target, and for several whose supports do not meet. Two tracks on one target
 explain it to each other; their odds fall until one of them is dropped. A target may fall silent
-(`faintrack.targets.silence`); with h the probability that it is heard,
+(`faintrack.targets.silence`); with h the probability that it is observable,
 
 .. math:: I = h \sum_i w_i \ell(z|x_i) + 1 - h, \qquad \frac{q}{1-q} \leftarrow \frac{q}{1-q} I .
 
@@ -59,12 +59,12 @@ class Hand(eqx.Module):
     Attributes
     ----------
     beliefs : stacked.
-    heard : natural log of the odds that a target is heard, if it exists.
+    observable : natural log of the odds that a target is observable, if it exists.
     label : of the track; 0 in a free slot.
     """
 
     beliefs: Belief
-    heard: Float[Array, " slot"]
+    observable: Float[Array, " slot"]
     label: Int[Array, " slot"]
 
     @property
@@ -73,9 +73,9 @@ class Hand(eqx.Module):
         return self.label > 0
 
     @property
-    def heard_existence(self) -> Float[Array, " slot"]:
-        """Probability that each target exists and is heard; 0 in a free slot."""
-        both = jax.nn.sigmoid(self.beliefs.log_odds) * jax.nn.sigmoid(self.heard)
+    def observable_existence(self) -> Float[Array, " slot"]:
+        """Probability that each target exists and is observable; 0 in a free slot."""
+        both = jax.nn.sigmoid(self.beliefs.log_odds) * jax.nn.sigmoid(self.observable)
         return jnp.where(self.active, both, 0)
 
 
@@ -150,7 +150,7 @@ class ManyEstimate(eqx.Module):
     existence : probability that the target of the slot exists; 0 in a free one.
     mean : state.
     covariance : of its components in their order.
-    heard : probability that the target is heard, if it exists.
+    observable : probability that the target is observable, if it exists.
     log_evidence : log of the mean ratio of the scan over the belief that seeks.
     full : a target was found, and there was no free slot.
     """
@@ -160,7 +160,7 @@ class ManyEstimate(eqx.Module):
     existence: Float[Array, "*scan slot"]
     mean: Any
     covariance: Float[Array, "*scan slot component component"]
-    heard: Float[Array, "*scan slot"]
+    observable: Float[Array, "*scan slot"]
     log_evidence: Float[Array, "*scan"]
     full: Bool[Array, "*scan"]
 
@@ -237,7 +237,7 @@ class ManyTargetsTracker(eqx.Module):
         return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), seeking, scans)
 
     def beside(self, scan: Any, hand: Hand, existence: Float[Array, " slot"] | None = None) -> Any:
-        """Scan with targets in hand as part of its background, each with the probability that it exists and is heard.
+        """Scan with targets in hand as part of its background, with the probability that each is observable.
 
         Parameters
         ----------
@@ -245,62 +245,64 @@ class ManyTargetsTracker(eqx.Module):
         hand : targets.
         existence : in place of their own.
         """
-        existence = hand.heard_existence if existence is None else existence
+        existence = hand.observable_existence if existence is None else existence
         return self.likelihood.beside(scan, hand.beliefs.states, hand.beliefs.log_weights, existence)
 
     def _carried(self, hand: Hand, scan: Any, key: PRNGKeyArray) -> Hand:
         """Targets in hand, carried forward to a scan."""
 
-        def carried(belief: Belief, heard: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
+        def carried(belief: Belief, observable: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             interval = scan.time - belief.time
             moved, log_lost = self.filter.carry(belief, scan.time, key)
             departure_rate = self.filter.target.departure_rate
-            log_odds, heard = self.silence.forecast(belief.log_odds, heard, departure_rate, interval, log_lost)
+            log_odds, observable = self.silence.forecast(
+                belief.log_odds, observable, departure_rate, interval, log_lost
+            )
             moved = dataclasses.replace(moved, log_odds=log_odds)
             if isinstance(self.likelihood, Sighted):
                 moved, _ = update(moved, self.likelihood.in_sight(moved.states))
-            return moved, heard
+            return moved, observable
 
-        def still(belief: Belief, heard: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
-            return dataclasses.replace(belief, time=scan.time), heard
+        def still(belief: Belief, observable: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
+            return dataclasses.replace(belief, time=scan.time), observable
 
         keys = jax.random.split(key, self.targets)
-        beliefs, heard = _over(hand.active, carried, still, hand.beliefs, hand.heard, keys)
-        return Hand(beliefs, heard, hand.label)
+        beliefs, observable = _over(hand.active, carried, still, hand.beliefs, hand.observable, keys)
+        return Hand(beliefs, observable, hand.label)
 
     def _updated(self, hand: Hand, unread: Bool[Array, " slot"], scan: Any, key: PRNGKeyArray) -> Hand:
         """Targets in hand after a scan, those that have not taken it in yet."""
-        number, expected = jnp.arange(self.targets), hand.heard_existence
+        number, expected = jnp.arange(self.targets), hand.observable_existence
 
-        def updated(belief: Belief, heard: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
+        def updated(belief: Belief, observable: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             others = jnp.where(number == slot, 0, expected)
-            return self._heard(belief, heard, self.beside(scan, hand, others), key)
+            return self._observed(belief, observable, self.beside(scan, hand, others), key)
 
-        def as_it_is(belief: Belief, heard: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
-            return belief, heard
+        def as_it_is(belief: Belief, observable: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
+            return belief, observable
 
         keys = jax.random.split(key, self.targets)
-        beliefs, heard = _over(unread, updated, as_it_is, hand.beliefs, hand.heard, number, keys)
+        beliefs, observable = _over(unread, updated, as_it_is, hand.beliefs, hand.observable, number, keys)
         kept = hand.active & (jax.nn.sigmoid(beliefs.log_odds) >= self.drop)
-        return Hand(beliefs, heard, jnp.where(kept, hand.label, 0))
+        return Hand(beliefs, observable, jnp.where(kept, hand.label, 0))
 
-    def _heard(
-        self, belief: Belief, heard: Float[Array, ""], scan: Any, key: PRNGKeyArray
+    def _observed(
+        self, belief: Belief, observable: Float[Array, ""], scan: Any, key: PRNGKeyArray
     ) -> tuple[Belief, Float[Array, ""]]:
-        """Belief of a target that may be silent, and the odds that it is heard (the module's equation)."""
+        """Belief of a target that may be silent, and the odds that it is observable (the module's equation)."""
         for_steps, for_draw, for_rest, for_choice = jax.random.split(key, 4)
         log_odds, particles = belief.log_odds, belief.born is not None
         if particles:
             updated, log_evidence = tempered(belief, partial(self._closely, scan), for_steps)
         else:
             updated, log_evidence = update(belief, log_ratios(self.likelihood, scan, belief.states))
-        gained = jnp.logaddexp(jax.nn.log_sigmoid(heard) + log_evidence, jax.nn.log_sigmoid(-heard))
-        heard = heard + log_evidence
+        gained = jnp.logaddexp(jax.nn.log_sigmoid(observable) + log_evidence, jax.nn.log_sigmoid(-observable))
+        observable = observable + log_evidence
         if particles:
             count = belief.log_weights.size
             chosen = systematic(for_draw, updated.log_weights, count, count)
             silent = systematic(for_rest, belief.log_weights, count, count)
-            mine = uniform(for_choice, (count,), log_odds.dtype) < jax.nn.sigmoid(heard)
+            mine = uniform(for_choice, (count,), log_odds.dtype) < jax.nn.sigmoid(observable)
             states = jax.tree.map(
                 lambda new, old: jnp.where(mine, new[chosen], old[silent]), updated.states, belief.states
             )
@@ -308,10 +310,11 @@ class ManyTargetsTracker(eqx.Module):
             belief = dataclasses.replace(belief, states=states, log_weights=equal)
         else:
             log_weights = jnp.logaddexp(
-                jax.nn.log_sigmoid(heard) + updated.log_weights, jax.nn.log_sigmoid(-heard) + belief.log_weights
+                jax.nn.log_sigmoid(observable) + updated.log_weights,
+                jax.nn.log_sigmoid(-observable) + belief.log_weights,
             )
             belief = dataclasses.replace(belief, log_weights=log_weights)
-        return dataclasses.replace(belief, log_odds=log_odds + gained), heard
+        return dataclasses.replace(belief, log_odds=log_odds + gained), observable
 
     def _closely(self, scan: Any, belief: Belief) -> Float[Array, " point"]:
         """Log ratio at the points of a belief, from as near as the likelihood can look."""
@@ -350,7 +353,7 @@ class ManyTargetsTracker(eqx.Module):
                 hand.beliefs,
                 new,
             )
-            held = Hand(beliefs, jnp.where(mine, jnp.inf, hand.heard), jnp.where(mine, labels + 1, hand.label))
+            held = Hand(beliefs, jnp.where(mine, jnp.inf, hand.observable), jnp.where(mine, labels + 1, hand.label))
             full = found.full | (sure & ~taken)
             return Found(sought, held, mine, labels + taken, found.log_evidence, full)
 
@@ -377,7 +380,7 @@ class ManyTargetsTracker(eqx.Module):
             jnp.append(existence, sought.existence),
             jax.tree.map(lambda held, one: jnp.append(held, one), middles, middle),
             jnp.concatenate([matrices, matrix[None]]),
-            jnp.append(jax.nn.sigmoid(hand.heard), 1).astype(existence.dtype),
+            jnp.append(jax.nn.sigmoid(hand.observable), 1).astype(existence.dtype),
             found.log_evidence,
             found.full,
         )

@@ -85,7 +85,7 @@ class ReturnsStep(eqx.Module):
             tracker: Any = self.tracker
             following, estimate = tracker.step(following, read.ping, key)
             hand = following.hand
-            of_targets = tracker.likelihood.of_targets(read.ping, hand.beliefs.log_weights, hand.heard_existence)
+            of_targets = tracker.likelihood.of_targets(read.ping, hand.beliefs.log_weights, hand.observable_existence)
             memory = self.background.learn(memory, ping, read, of_targets)
             fit = fit_of(read.ping, self.threshold, read.expected, read.shape)
         belief = following.belief
