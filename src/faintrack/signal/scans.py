@@ -16,6 +16,7 @@ from faintrack.signal.background import Memory, Whitening
 from faintrack.signal.clutter import ClutterScan, ClutterTracker
 from faintrack.signal.fit import Fit, nothing_seen
 from faintrack.signal.independence import Independence, Repeated
+from faintrack.signal.tails import Tails, Weighed
 
 
 @runtime_checkable
@@ -64,11 +65,13 @@ class Scene(eqx.Module):
     Attributes
     ----------
     behind : what is seen at every pixel.
+    weighed : laws of the residuals; None where they are taken as they are.
     repeated : correlations of the residuals.
     fit : counts of them.
     """
 
     behind: Memory
+    weighed: Weighed | None
     repeated: Repeated
     fit: Fit
 
@@ -80,25 +83,31 @@ class OverScene(eqx.Module):
     ----------
     whitening : see `faintrack.signal.background`.
     independence : see `faintrack.signal.independence`.
+    tails : see `faintrack.signal.tails`; None where residuals are read as they are.
     """
 
     whitening: Whitening
     independence: Independence = eqx.field(static=True)
+    tails: Tails | None = eqx.field(static=True, default=None)
 
     def init(self, frame: Float[Array, "y x"]) -> Scene:
         """Memory of a scene that was never seen."""
         shape, dtype = frame.shape, frame.dtype
-        return Scene(self.whitening.init(shape, dtype), self.independence.init(shape, dtype), nothing_seen())
+        weighed = None if self.tails is None else self.tails.init(shape, dtype)
+        return Scene(self.whitening.init(shape, dtype), weighed, self.independence.init(shape, dtype), nothing_seen())
 
     def step(
         self, memory: Scene, time: Float[Array, ""], frame: Float[Array, "y x"]
     ) -> tuple[Scene, CellScan, Float[Array, "y x"]]:
         """As `Background.step`."""
         behind, residual, moved = self.whitening.step(memory.behind, frame)
+        weighed = memory.weighed
+        if self.tails is not None and weighed is not None:
+            weighed, residual = self.tails.step(weighed, residual)
         repeated, independent = self.independence.step(memory.repeated, residual, moved)
         fit = memory.fit.seen(residual, independent)
         scan = CellScan(time, residual, independent=independent, moved=moved)
-        return Scene(behind, repeated, fit), scan, residual
+        return Scene(behind, weighed, repeated, fit), scan, residual
 
 
 class OverClutter(eqx.Module):

@@ -34,6 +34,7 @@ from faintrack.signal.background import Whitening
 from faintrack.signal.clutter import ClutterTracker
 from faintrack.signal.independence import Independence
 from faintrack.signal.scans import Background, OverClutter, OverNoise, OverScene
+from faintrack.signal.tails import LAWS, Tails
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState, RangeState
 from faintrack.targets.target import Target, UniformBirth
@@ -48,7 +49,7 @@ STATES: dict[frozenset[str], Any] = {
 
 AMPLITUDES: dict[str, Amplitude] = {
     "gaussian": gaussian,
-    "student": student(10.0, slack=0.7),
+    "student": student(LAWS[0][0], slack=0.7),
     "swerling0": swerling0,
     "swerling1": swerling1,
     "rayleigh": rayleigh,
@@ -152,7 +153,8 @@ def build_background(scenario: FramesScenario, sequence: Sequence) -> Background
     width = WIDTH if scenario.cells.width is None else scenario.cells.width
     beside = float(np.exp(-0.5 / width**2)) if width else 0.0
     around = min(Independence.around, min(sequence.shape) - 1)
-    return OverScene(whitening, Independence(beside, memory or LEARNT, around))
+    tails = None if scenario.cells.amplitude == "gaussian" else Tails(memory or LEARNT)
+    return OverScene(whitening, Independence(beside, memory or LEARNT, around), tails)
 
 
 def build_cells(scenario: FramesScenario, sequence: Sequence, oversample: int) -> Likelihood:
