@@ -25,6 +25,7 @@ class Sizes:
     peer_cells : along every axis of the peer's grid of four dimensions.
     pixels : of an image, along each side.
     pixel_particles, pixel_births : of the tracker on images.
+    target_scans, target_pixels : of data with one target and several; pixels along each side of a frame.
     study : that is run as a whole.
     repeat_seconds : that every call is repeated.
     """
@@ -53,5 +54,7 @@ class Sizes:
     pixels: int = 256
     pixel_particles: int = 80_000
     pixel_births: int = 20_000
+    target_scans: int = 20
+    target_pixels: int = 64
     study: str = "liu2013"
     repeat_seconds: float = 2.0

@@ -1,0 +1,94 @@
+"""Data with one target and with several, from values to tracks, with as many slots in all."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from faintrack.bench.machine import Machine
+from faintrack.bench.rows import Row, Timing, row, timed
+from faintrack.bench.sizes import Sizes
+from faintrack.data.recording import Recording, from_samples
+from faintrack.data.sequence import Sequence, from_frames
+from faintrack.kinds.door import track
+from faintrack.sensors.array import line_array
+from faintrack.simulation.samples import Source, draw_samples
+
+SLOTS = 16
+"""Targets that are followed at once at most, in every row."""
+
+CHANNELS, RATE, SNR_DB = 32, 1000.0, -10.0
+"""Of the recording; its rate in Hz."""
+
+LEVEL, WIDTH = 6.0, 1.0
+"""Of a target in frames: deviations of the noise at its peak; pixels."""
+
+
+def _recording(targets: int, sizes: Sizes) -> tuple[Recording, dict[str, Any]]:
+    array = line_array(CHANNELS, 1.5)
+    # Evenly in the cosine: lobes of a line are as wide everywhere along it.
+    bearings = np.arccos((2 * np.arange(targets) + 1) / targets - 1)
+    sources = [Source(SNR_DB, float(bearing)) for bearing in bearings]
+    samples = np.concatenate(list(draw_samples(array, sources, float(sizes.target_scans), RATE)))
+    return from_samples(samples, RATE), {"array": array}
+
+
+def _frames(targets: int, sizes: Sizes) -> tuple[Sequence, dict[str, Any]]:
+    side, count = sizes.target_pixels, sizes.target_scans
+    frames = np.random.default_rng(0).standard_normal((count, side, side), dtype=np.float32)
+    y, x = np.mgrid[:side, :side]
+    rows = int(np.ceil(np.sqrt(targets)))
+    for number in range(targets):
+        place = (np.array(divmod(number, rows)) + 0.5) * side / rows - count / 4
+        for frame in range(count):
+            off = (y - place[0] - 0.5 * frame) ** 2 + (x - place[1] - 0.5 * frame) ** 2
+            frames[frame] += LEVEL * np.exp(-off / (2 * WIDTH**2))
+    return from_frames(frames), {"frames": {"background": "none"}, "cells": {"amplitude": "gaussian", "width": WIDTH}}
+
+
+@functools.cache
+def _timed(make: Callable[[int, Sizes], tuple[Any, dict[str, Any]]], targets: int, sizes: Sizes) -> Timing:
+    data, sections = make(targets, sizes)
+    sections = {**sections, "tracker": {"targets": SLOTS}}
+    timing = timed(lambda: track(data, pictures=False, **sections), sizes.repeat_seconds)
+    return timing.per(sizes.target_scans)
+
+
+def _row(name: str, make: Callable[[int, Sizes], tuple[Any, dict[str, Any]]], targets: int, sizes: Sizes) -> Row:
+    timing = _timed(make, targets, sizes)
+    note = (
+        f"one of {sizes.target_scans} scans with {targets} targets in {SLOTS} slots, from values in memory to tracks; "
+        "peer: as many runs with one target each; no limit"
+    )
+    return row(name, "ms", timing, note, None, None if targets == 1 else targets * _timed(make, 1, sizes).least)
+
+
+def recording_1_target(machine: Machine, sizes: Sizes) -> Row:
+    """A second of 32 channels."""
+    return _row("recording_1_target", _recording, 1, sizes)
+
+
+def recording_4_targets(machine: Machine, sizes: Sizes) -> Row:
+    """A second of 32 channels with four sources."""
+    return _row("recording_4_targets", _recording, 4, sizes)
+
+
+def recording_16_targets(machine: Machine, sizes: Sizes) -> Row:
+    """A second of 32 channels with sixteen sources."""
+    return _row("recording_16_targets", _recording, 16, sizes)
+
+
+def frame_1_target(machine: Machine, sizes: Sizes) -> Row:
+    """A frame."""
+    return _row("frame_1_target", _frames, 1, sizes)
+
+
+def frame_4_targets(machine: Machine, sizes: Sizes) -> Row:
+    """A frame with four targets."""
+    return _row("frame_4_targets", _frames, 4, sizes)
+
+
+def frame_16_targets(machine: Machine, sizes: Sizes) -> Row:
+    """A frame with sixteen targets."""
+    return _row("frame_16_targets", _frames, 16, sizes)
