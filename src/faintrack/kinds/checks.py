@@ -137,7 +137,8 @@ def about_channels(names: Sequence[str], found: Sequence[Doubt]) -> tuple[str, .
         elif doubt.factor < 0:
             name = names[doubt.channels[0]]
             remarks.append(
-                f"Channel {name} seems to have its poles reversed: {told}. List it in inverted of the array."
+                f"Channel {name} seems to have its poles reversed: {told}. List it in inverted of the array, or "
+                "take it out of there."
             )
         else:
             name, size = names[doubt.channels[0]], "half" if doubt.factor > 1 else "twice"
