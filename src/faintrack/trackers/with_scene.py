@@ -8,9 +8,9 @@ alike. Which of the two a frame has seen is not known, so before it each half of
 with d the pixels by which the scene has moved; the target's own motion follows. What leaves the picture is lost.
 """
 
-import dataclasses
 from typing import Any, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int
@@ -54,6 +54,8 @@ def with_scene(state: State, moved: Int[Array, " axis"]) -> State:
             total = jax.nn.logsumexp(both, axis=(-4, -3, -2, -1), keepdims=True)
             return both - jnp.where(total > -jnp.inf, total, 0)
 
-        return dataclasses.replace(part, log_weights=jax.lax.cond(jnp.any(moved != 0), mixed, lambda: log_weights))
+        # Beliefs may be stacked, which their own check of shapes does not take.
+        after = jax.lax.cond(jnp.any(moved != 0), mixed, lambda: log_weights)
+        return eqx.tree_at(lambda belief: belief.log_weights, part, after)
 
     return jax.tree.map(followed, state, is_leaf=lambda part: isinstance(part, Belief))
