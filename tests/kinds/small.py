@@ -25,8 +25,8 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "kind": "frames",
         "simulation": {
             "frames": 12,
-            "shape": (10, 12),
-            "targets": [{"level": 9.0, "place": (3.0, 4.0), "velocity": (0.0, 0.3), "start": 2.0}],
+            "shape": (16, 20),
+            "targets": [{"level": 12.0, "place": (3.0, 4.0), "velocity": (0.0, 1.0), "start": 2.0}],
         },
     },
     "returns": {
