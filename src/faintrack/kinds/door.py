@@ -17,6 +17,7 @@ from faintrack.errors import InputError
 from faintrack.kinds import kind_named, kinds
 from faintrack.kinds.kind import Kind, Plan
 from faintrack.kinds.loop import Checkpoint, advance, datasets
+from faintrack.kinds.promise import about_false_tracks, keeping
 from faintrack.kinds.scenario import Scenario, kind_of_sections, merged, scenario_of
 from faintrack.numerics.compiled import keep_compilations
 from faintrack.results.folder import open_blocks, read_folder, require_place, result_folder, write_blocks, write_rest
@@ -148,12 +149,12 @@ def track(
     if out is None:
         held = [block if pictures else block.drop_vars(PICTURES, errors="ignore") for block in blocks]
         found = joined(held)
-        return Result(found, plan.scenario, kind, clock.perf_counter() - start, _remarks(data, plan, found))
+        return Result(found, plan.scenario, kind, clock.perf_counter() - start, _remarks(kind, data, plan, found))
     with result_folder(out) as folder:
         write_blocks(folder, blocks)
         seconds = clock.perf_counter() - start
         found = open_blocks(folder)
-        result = Result(found, plan.scenario, kind, seconds, _remarks(data, plan, found))
+        result = Result(found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found))
         write_rest(folder, result)
     return _reported(read_result(out), Path(out) / "report.html")
 
@@ -364,6 +365,7 @@ def opened(what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool 
     if not reading or given.sections.keys() - {"kind"}:
         with _telling_kind(kind, () if said is not None or given.kind is not None else paths):
             complete = given.of(kind.name)
+            complete = keeping(kind, complete)
     return kind, kind.read(paths, complete) if held is None else what, complete
 
 
@@ -436,9 +438,12 @@ def _paths(what: Any) -> tuple[Path, ...]:
     return paths
 
 
-def _remarks(data: Any, plan: Plan, found: xr.Dataset) -> tuple[str, ...]:
+def _remarks(kind: Kind, data: Any, plan: Plan, found: xr.Dataset) -> tuple[str, ...]:
     """What a user must know of data, of how they were taken in and what was lost; each sentence once."""
-    return tuple(dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks(), *_no_room(found))))
+    promised = about_false_tracks(kind, plan.scenario, found)
+    return tuple(
+        dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks(), *_no_room(found), *promised))
+    )
 
 
 def _no_room(found: xr.Dataset) -> tuple[str, ...]:
