@@ -101,6 +101,7 @@ def track(
     *,
     out: str | Path | None = None,
     truth: Any = None,
+    false_tracks: str | None = None,
     progress: Progress = lambda scans, total: None,
     tell: Callable[[str], None] = lambda sentence: None,
     pictures: bool = True,
@@ -114,6 +115,7 @@ def track(
     scenario : what to run: a path, a dictionary, a `Scenario`; defaults where not given.
     out : folder that data, tables, scenario and report are kept in; see `faintrack.results.folder`.
     truth : where targets really were, to lay beside the tracks: a path, see `faintrack.kinds.truth`.
+    false_tracks : promised an hour or a day, "1/h", in place of the scenario's; see `faintrack.kinds.promise`.
     progress : is called while the run goes on.
     tell : is called before the run with each sentence of what was assumed, or cannot be told with this set-up.
     pictures : whether what only pictures read is kept where there is no `out`.
@@ -138,7 +140,7 @@ def track(
         require_place(out)
     kind, data, what_to_run = opened(what, scenario, sections)
     start = clock.perf_counter()
-    plan = kind.plan(data, what_to_run)
+    plan = kind.plan(data, keeping(kind, what_to_run, false_tracks))
     for check in dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks)):
         tell(check)
     blocks = _counted(datasets(plan), plan, progress)
@@ -184,7 +186,7 @@ def follow(
     """
     keep_compilations()
     kind, data, what_to_run = opened(what, scenario, sections)
-    for checkpoint, rows in advance(kind.plan(data, what_to_run), since, block):
+    for checkpoint, rows in advance(kind.plan(data, keeping(kind, what_to_run)), since, block):
         yield Moment(rows, checkpoint)
 
 
@@ -365,7 +367,6 @@ def opened(what: Any, scenario: Any, sections: Mapping[str, Any], reading: bool 
     if not reading or given.sections.keys() - {"kind"}:
         with _telling_kind(kind, () if said is not None or given.kind is not None else paths):
             complete = given.of(kind.name)
-            complete = keeping(kind, complete)
     return kind, kind.read(paths, complete) if held is None else what, complete
 
 

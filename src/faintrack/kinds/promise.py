@@ -33,17 +33,25 @@ def gained_by_target(scenario: Any) -> float:
     return odds_rate(scenario.target.arrival_rate, scenario.target.departure_rate)
 
 
-def keeping(kind: Kind, scenario: Any) -> Any:
+def keeping(kind: Kind, scenario: Any, false_tracks: str | None = None) -> Any:
     """Scenario with the threshold that keeps what it promises.
+
+    Parameters
+    ----------
+    kind, scenario : what is to be run.
+    false_tracks : promised, in place of the scenario's own.
 
     Raises
     ------
     InputError : the threshold does not follow from the model, or was found for another rate, or lies below `drop`.
     """
     named = tracker_table(scenario)
-    if named is None or named[1].false_tracks is None:
+    promised = false_tracks if false_tracks is not None or named is None else named[1].false_tracks
+    if promised is None:
         return scenario
-    name, table = named
+    if named is None:
+        raise InputError(f"a scenario of {kind.name} has no threshold on existence, so no false_tracks.")
+    name, table = named[0], named[1].model_copy(update={"false_tracks": promised})
     rate, gained = per_second(table.false_tracks), kind.gained(scenario)
     calibration = table.calibration
     if calibration is not None and not np.isclose(per_second(calibration.false_tracks), rate, rtol=1e-9):

@@ -43,8 +43,8 @@ def _require_within(start: float, stop: float, duration: float, source: str) -> 
     # A recording may end a fraction of a sample before the second that its user counts.
     if not 0 <= start < stop <= duration * (1 + 1e-6):
         raise InputError(
-            f"{source}: the stretch from {start:g} to {stop:g} s does not lie in the data; expected a start and a later "
-            f"end between 0 and {duration:.6g} s."
+            f"{source}: the stretch from {start:g} to {stop:g} s does not lie in the data; expected a start and a "
+            f"later end between 0 and {duration:.6g} s."
         )
 
 

@@ -27,8 +27,8 @@ from faintrack.errors import InputError
 def shifted_apart(recording: Recording, apart: float, seed: int) -> Recording:
     """Recording whose channels are shifted in time, circularly, each by another amount.
 
-    Any two shifts differ by `apart` or more, and at random beyond it: shifts that are evenly spaced would leave a tone a
-    plane wave. A block is read with the longest shift beyond it, so memory does not grow with the length.
+    Any two shifts differ by `apart` or more, and at random beyond it: shifts that are evenly spaced would leave a tone
+    a plane wave. A block is read with the longest shift beyond it, so memory does not grow with the length.
 
     Parameters
     ----------
@@ -106,7 +106,8 @@ def exchanged(returns: Returns, seed: int) -> Returns:
     Examples
     --------
     >>> from faintrack.data.returns import from_columns
-    >>> returns = from_columns({"time_s": [0, 0, 9], "delay_s": [4, 5, 6], "bearing_deg": [0, 0, 0], "snr_db": [9, 9, 9]})
+    >>> columns = {"time_s": [0, 0, 9], "delay_s": [4, 5, 6], "bearing_deg": [0, 0, 0], "snr_db": [9, 9, 9]}
+    >>> returns = from_columns(columns)
     >>> sorted(exchanged(returns, seed=0).counts.tolist()), sorted(exchanged(returns, seed=0).delay.tolist())
     ([1, 2], [4.0, 5.0, 6.0])
     """

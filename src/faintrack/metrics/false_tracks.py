@@ -189,12 +189,8 @@ class Exceedances:
         """
         outside = tail(confidence)
         if rate * self.seconds >= COUNTED:
-            few, middle, many = (
-                pdtrik(outside, rate * self.seconds),
-                rate * self.seconds,
-                pdtrik(1 - outside, rate * self.seconds),
-            )
-            level, low, high = self._passed(middle), self._passed(many), self._passed(few)
+            expected = rate * self.seconds
+            level, low, high = map(self._passed, (expected, pdtrik(1 - outside, expected), pdtrik(outside, expected)))
             level = self._allowed(level, rate, least)
             counted = int((self.peaks >= level).sum())
             rates = gammaincinv(counted + 0.5, [outside, 1 - outside]) / self.seconds
@@ -211,7 +207,8 @@ class Exceedances:
         rates = starts * np.exp(-np.maximum(level - start, 0) / scales)
         ends = [outside, 1 - outside]
         threshold = Threshold(float(expit(level)), *map(float, expit(np.quantile(levels[1:], ends))))
-        return Kept(threshold, float(rates[0]), *map(float, np.quantile(rates[1:], ends)), True)
+        fewest, most = map(float, np.quantile(rates[1:], ends))
+        return Kept(threshold, float(rates[0]), fewest, most, True)
 
     def _passed(self, count: float) -> float:
         """Level that at most so many peaks reach."""

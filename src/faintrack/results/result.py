@@ -89,8 +89,8 @@ class Result:
 
         `scans` is their number, `scan_interval` the time between them in seconds, `seconds` what the run took,
         `realtime_factor` the length of the data over it. Kinds count further: `masked_scans`, in which a channel was
-        left out; `full_scans`, in which a target was found and no slot was free. `false_tracks` is what was promised and
-        is expected of them (`faintrack.scenario.promise.Promise`), or None.
+        left out; `full_scans`, in which a target was found and no slot was free. `false_tracks` is what was promised
+        and is expected of them (`faintrack.scenario.promise.Promise`), or None.
         """
         scans, interval = self.data.sizes["time"], float(self.data.attrs["scan_interval"])
         counts = {

@@ -29,7 +29,9 @@ def per_second(text: str) -> float:
     except ValueError:
         value = math.nan
     if unit.strip() not in UNITS or not 0 < value < math.inf:
-        raise InputError(f"false_tracks is {str(text)[:60]!r}; expected a number an hour or a day, such as 1/h or 2/day.")
+        raise InputError(
+            f"false_tracks is {str(text)[:60]!r}; expected a number an hour or a day, such as 1/h or 2/day."
+        )
     return value / UNITS[unit.strip()]
 
 

@@ -59,6 +59,10 @@ class ParticlesSection(SeedSection):
     births: int = Field(default=250, ge=10, le=1_000_000)
 
 
+Source = Literal["quiet stretches", "surrogates"]
+"""Of data without a target: what a user calls quiet; what is made of data with targets (`faintrack.kinds.surrogates`)."""
+
+
 class CalibrationSection(Section):
     """How a threshold was found on data without a target; `faintrack calibrate` writes it.
 
@@ -75,7 +79,7 @@ class CalibrationSection(Section):
 
     false_tracks: Rate
     declare: float = Field(gt=0, lt=1)
-    by: Literal["quiet stretches", "surrogates"]
+    by: Source
     hours: float = Field(gt=0)
     per_hour: float = Field(ge=0)
     interval: Pair

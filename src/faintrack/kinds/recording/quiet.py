@@ -10,7 +10,7 @@ from faintrack.metrics.false_tracks import odds_rate
 
 
 def surrogate(recording: Recording, scenario: RecordingScenario, seed: int) -> Recording:
-    """Recording without the sources that it holds: channels shifted apart by more than a wave takes across, and a frame.
+    """Recording without the sources that it holds: channels shifted apart by a frame and what a wave takes across.
 
     Raises
     ------

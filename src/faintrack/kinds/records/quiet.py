@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from faintrack.data.recording import Recording
+from faintrack.data.sequence import Sequence
 from faintrack.kinds.records.data import Records
 from faintrack.kinds.records.sections import RecordsScenario
 from faintrack.kinds.records.together import arrays_of
@@ -20,7 +21,7 @@ def surrogate(data: Records, scenario: RecordsScenario, seed: int) -> Records:
     InputError : a recording is too short, or its channels are not known.
     """
     arrays, _ = arrays_of(data, scenario)
-    records = []
+    records: list[Sequence | Recording] = []
     for number, (table, record) in enumerate(zip(scenario.stations, data.records, strict=True)):
         own = seed * len(data.records) + number
         if isinstance(record, Recording):

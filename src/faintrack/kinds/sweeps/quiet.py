@@ -16,22 +16,29 @@ def surrogate(sweeps: Sweeps, scenario: object, seed: int) -> Sweeps:
     def read(start: int, stop: int) -> np.ndarray:
         return np.concatenate([sweeps.read(number, number + 1) for number in order[start:stop]])
 
-    placed = {
-        name: None if getattr(sweeps, name) is None else getattr(sweeps, name)[order] for name in ("x", "y", "heading")
-    }
-    return replace(sweeps, read=read, source=f"{sweeps.source}, sweeps in another order", **placed)
+    return replace(
+        sweeps,
+        read=read,
+        x=_of(sweeps.x, order),
+        y=_of(sweeps.y, order),
+        heading=_of(sweeps.heading, order),
+        source=f"{sweeps.source}, sweeps in another order",
+    )
 
 
 def stretch(sweeps: Sweeps, start: float, stop: float) -> Sweeps:
     """Sweeps between two times; see `faintrack.kinds.stretches.part_of`."""
     part = part_of(sweeps.middle, start, stop, sweeps.source)
-    cut = {
-        name: None if getattr(sweeps, name) is None else getattr(sweeps, name)[part]
-        for name in ("times", "x", "y", "heading")
-    }
     return replace(
         sweeps,
         read=lambda low, high: sweeps.read(part.start + low, min(part.start + high, part.stop)),
+        times=sweeps.times[part],
+        x=_of(sweeps.x, part),
+        y=_of(sweeps.y, part),
+        heading=_of(sweeps.heading, part),
         source=f"{sweeps.source} from {start:g} to {stop:g} s",
-        **cut,
     )
+
+
+def _of(values: np.ndarray | None, chosen: slice | np.ndarray) -> np.ndarray | None:
+    return None if values is None else values[chosen]
