@@ -60,7 +60,7 @@ class ParticlesSection(SeedSection):
 
 
 Source = Literal["quiet stretches", "surrogates"]
-"""Of data without a target: what a user calls quiet; what is made of data with targets (`faintrack.kinds.surrogates`)."""
+"""Of data without a target: what a user calls quiet, or what is made of data (`faintrack.kinds.surrogates`)."""
 
 
 class CalibrationSection(Section):

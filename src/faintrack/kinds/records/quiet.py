@@ -8,7 +8,7 @@ from faintrack.data.recording import Recording
 from faintrack.data.sequence import Sequence
 from faintrack.kinds.records.data import Records
 from faintrack.kinds.records.sections import RecordsScenario
-from faintrack.kinds.records.together import arrays_of
+from faintrack.kinds.records.together import arrays_of, require_one_each
 from faintrack.kinds.stretches import of_recording, of_sequence
 from faintrack.kinds.surrogates import reordered, shifted_apart
 
@@ -20,6 +20,7 @@ def surrogate(data: Records, scenario: RecordsScenario, seed: int) -> Records:
     ------
     InputError : a recording is too short, or its channels are not known.
     """
+    require_one_each(data, scenario)
     arrays, _ = arrays_of(data, scenario)
     records: list[Sequence | Recording] = []
     for number, (table, record) in enumerate(zip(scenario.stations, data.records, strict=True)):
