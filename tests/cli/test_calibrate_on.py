@@ -9,6 +9,8 @@ import pytest
 
 from tests.cli.calling import call
 
+ALONE = "--set", "tracker.targets=1"
+
 
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -19,7 +21,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_calibrate_writes_the_scenario_that_track_takes(frames: Path, tmp_path: Path) -> None:
     out = tmp_path / "scenario.toml"
-    done = call("calibrate", frames, "--false-tracks", "1/h", "--draws", 2, "--out", out)
+    done = call("calibrate", frames, *ALONE, "--false-tracks", "1/h", "--draws", 2, "--out", out)
     assert done.status == 0, done.err
     assert "found by" in done.out
     assert "of surrogates" in done.out
@@ -30,13 +32,13 @@ def test_calibrate_writes_the_scenario_that_track_takes(frames: Path, tmp_path: 
     assert tracked.status == 0, tracked.err
     promise = json.loads(tracked.out)["false_tracks"]
     assert (promise["promised"], promise["by"], promise["extrapolated"]) == ("1/h", "surrogates", True)
-    again = call("calibrate", frames, "--false-tracks", "1/h", "--out", out)
+    again = call("calibrate", frames, *ALONE, "--false-tracks", "1/h", "--out", out)
     assert again.status != 0
     assert "exists" in again.err
 
 
 def test_json_and_quiet_stretches(frames: Path) -> None:
-    done = call("calibrate", frames, "--false-tracks", "60/h", "--quiet", "0:5,6:12", "--json")
+    done = call("calibrate", frames, *ALONE, "--false-tracks", "60/h", "--quiet", "0:5,6:12", "--json")
     found = json.loads(done.out)
     assert found["by"] == "quiet stretches"
     assert found["hours"] * 3600 == pytest.approx(11)
@@ -45,7 +47,7 @@ def test_json_and_quiet_stretches(frames: Path) -> None:
 
 
 def test_track_promises_by_the_model(frames: Path) -> None:
-    done = call("track", frames, "--false-tracks", "1/h")
+    done = call("track", frames, *ALONE, "--false-tracks", "1/h")
     assert done.status == 0, done.err
     assert "1/h was promised, and existence of 0.7826 is passed 1 an hour at most" in done.out
 
@@ -60,7 +62,7 @@ def test_track_promises_by_the_model(frames: Path) -> None:
     ],
 )
 def test_bad_input_is_one_sentence(frames: Path, arguments: tuple[str, ...], expected: str) -> None:
-    done = call("calibrate", frames, *arguments)
+    done = call("calibrate", frames, *ALONE, *arguments)
     assert done.status != 0
     assert expected in done.err
     assert "Traceback" not in done.err

@@ -90,7 +90,7 @@ def reordered(sequence: Sequence, seed: int) -> Sequence:
     order = order_of(sequence.length, seed)
 
     def read(start: int, stop: int) -> np.ndarray:
-        return np.concatenate([sequence.read(number, number + 1) for number in order[start:stop]])
+        return np.concatenate([sequence.read(number, number + 1) for number in order[start:stop].tolist()])
 
     return replace(sequence, read=read, source=f"{sequence.source}, frames in another order")
 

@@ -211,12 +211,12 @@ class Exceedances:
         return Kept(threshold, float(rates[0]), fewest, most, True)
 
     def _passed(self, count: float) -> float:
-        """Level that at most so many peaks reach."""
+        """Level between the peak that is the last of so many and the next lower one."""
         number = int(count)
         if number >= len(self.peaks):
             return self.low
-        # Just above the highest of the others.
-        return float(np.nextafter(self.peaks[len(self.peaks) - 1 - number], np.inf))
+        below = len(self.peaks) - 1 - number
+        return float(self.peaks[below : below + 2].mean())
 
     def _allowed(self, level: float, rate: float, least: float) -> float:
         level = max(level, float(logit(least)))

@@ -14,7 +14,7 @@ def surrogate(sweeps: Sweeps, scenario: object, seed: int) -> Sweeps:
     order = order_of(sweeps.length, seed)
 
     def read(start: int, stop: int) -> np.ndarray:
-        return np.concatenate([sweeps.read(number, number + 1) for number in order[start:stop]])
+        return np.concatenate([sweeps.read(number, number + 1) for number in order[start:stop].tolist()])
 
     return replace(
         sweeps,
