@@ -8,7 +8,9 @@ with a source in it; each then tracks in noise of other seeds, in recordings of 
 
 import argparse
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.special import gammaincinv
@@ -58,20 +60,21 @@ def source(hours: float, seed: int) -> np.ndarray:
     return np.stack([np.fft.irfft(sound * np.exp(-2j * np.pi * frequency * one), length) for one in late], axis=1)
 
 
-def thresholds(share: float) -> list[dict[str, object]]:
+def thresholds(share: float) -> Iterator[dict[str, Any]]:
     """How each is found, for which rate, and the section of the tracker that it makes."""
+    rates = "10/h", "1/h", "0.1/h"
+    for rate in rates:
+        yield {"by": "model", "rate": rate, "tracker": {"false_tracks": rate}}
     quiet = ft.from_samples(noise(share, 3 * HOURS, 1000), RATE)
-    heard = ft.from_samples(noise(share, HOURS, 1001) + 10**-0.5 * source(HOURS, 1002), RATE)
-    found: list[dict[str, object]] = []
-    for rate in ("10/h", "1/h", "0.1/h"):
-        found.append({"by": "model", "rate": rate, "tracker": {"false_tracks": rate}})
+    for rate in rates:
         calibrated = ft.calibrate_on(quiet, SCENARIO, false_tracks=rate, quiet=[(0, quiet.duration)])
-        found.append({"by": "quiet noise", "rate": rate, "tracker": calibrated.scenario.tracker.model_dump()})
+        yield {"by": "quiet noise", "rate": rate, "tracker": calibrated.scenario.tracker.model_dump()}
+    heard = ft.from_samples(noise(share, HOURS, 1001) + 10**-0.5 * source(HOURS, 1002), RATE)
     calibrated = ft.calibrate_on(heard, SCENARIO, false_tracks="1/h", draws=3)
-    return [*found, {"by": "surrogates", "rate": "1/h", "tracker": calibrated.scenario.tracker.model_dump()}]
+    yield {"by": "surrogates", "rate": "1/h", "tracker": calibrated.scenario.tracker.model_dump()}
 
 
-def counted(share: float, tracker: dict[str, object]) -> tuple[int, int, dict[str, object]]:
+def counted(share: float, tracker: dict[str, Any]) -> tuple[int, int, dict[str, Any]]:
     """False tracks in all runs, runs that say that the model does not fit, and what the last one promises."""
     tracks = remarks = 0
     for run in range(RUNS):
