@@ -99,7 +99,9 @@ def test_without_a_peak_a_threshold_follows_from_the_time() -> None:
 
 
 def test_what_passes_every_threshold_is_refused() -> None:
-    with pytest.raises(InputError, match="existence passes every threshold more often than 1 times an hour"):
+    with pytest.raises(
+        InputError, match=r"no threshold keeps 1 false tracks an hour: existence has 100 peaks, up to 1, in 1 h"
+    ):
         Exceedances(np.full(100, 16.0), HOUR, 0.0).kept(1 / HOUR, 0.5)
 
 

@@ -221,9 +221,11 @@ class Exceedances:
     def _allowed(self, level: float, rate: float, least: float) -> float:
         level = max(level, float(logit(least)))
         if level > logit(LARGEST):
+            highest = f", up to {expit(self.peaks[-1]):.6g}" if len(self.peaks) else ""
             raise InputError(
-                f"existence passes every threshold more often than {rate * HOUR:g} times an hour in these data without "
-                "a target: their background is not the model's; see the remarks of faintrack track on them."
+                f"no threshold keeps {rate * HOUR:.3g} false tracks an hour: existence has {len(self.peaks)} peaks"
+                f"{highest}, in {self.seconds / HOUR:.3g} h without a target; give more data, or stretches that are "
+                "quieter. Where existence stays high in all of them, their background is not the model's."
             )
         return level
 
