@@ -107,7 +107,7 @@ def calibrate_on(
     >>> import numpy as np
     >>> import faintrack as ft
     >>> noise = np.random.default_rng(0).normal(size=(12, 10, 12))
-    >>> found = ft.calibrate_on(ft.from_frames(noise), false_tracks="60/h", draws=1)
+    >>> found = ft.calibrate_on(ft.from_frames(noise), tracker={"targets": 1}, false_tracks="60/h", draws=1)
     >>> found.by, found.scenario.tracker.calibration.hours * 3600, found.kept.extrapolated
     ('surrogates', 12.0, True)
     """

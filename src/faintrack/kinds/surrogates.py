@@ -45,7 +45,7 @@ def shifted_apart(recording: Recording, apart: float, seed: int) -> Recording:
     >>> from faintrack.data.recording import from_samples
     >>> samples = np.arange(100.0)[:, None] * [1, 1]
     >>> shifted = shifted_apart(from_samples(samples, 10.0), 1.0, seed=0).read(0, 100)
-    >>> sorted(shifted[:, 0]) == sorted(samples[:, 0]), abs(shifted[0, 0] - shifted[0, 1]) >= 10
+    >>> sorted(shifted[:, 0]) == sorted(samples[:, 0]), bool(abs(shifted[0, 0] - shifted[0, 1]) >= 10)
     (True, True)
     """
     length, count = recording.length, recording.channels
@@ -84,7 +84,7 @@ def reordered(sequence: Sequence, seed: int) -> Sequence:
     >>> from faintrack.data.sequence import from_frames
     >>> frames = np.arange(5.0)[:, None] * np.ones(3)
     >>> other = reordered(from_frames(frames), seed=0).read(0, 5)
-    >>> sorted(other[:, 0]), bool((other[:, 0] == other[:, 2]).all())
+    >>> sorted(other[:, 0].tolist()), bool((other[:, 0] == other[:, 2]).all())
     ([0.0, 1.0, 2.0, 3.0, 4.0], True)
     """
     order = order_of(sequence.length, seed)

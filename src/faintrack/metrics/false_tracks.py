@@ -185,7 +185,7 @@ class Exceedances:
         >>> highest = np.sort(np.random.default_rng(0).exponential(size=100))
         >>> kept = Exceedances(highest, 10 * HOUR, 0.0).kept(1 / HOUR, 0.5)
         >>> round(kept.threshold.value, 2), kept.extrapolated
-        (0.9, False)
+        (0.95, False)
         """
         outside = tail(confidence)
         if rate * self.seconds >= COUNTED:
