@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from faintrack.io.arrays import read_array
     from faintrack.kinds.calibration import calibrate
     from faintrack.kinds.door import Info, Moment, follow, info, read, read_result, simulate, track
+    from faintrack.kinds.false_tracks import calibrate_on
     from faintrack.kinds.records.data import Records, from_records
     from faintrack.kinds.scenario import Scenario
     from faintrack.kinds.sweeps.data import Sweeps, from_sweeps
@@ -30,6 +31,7 @@ _HOMES = {
     "follow": "kinds.door",
     "simulate": "kinds.door",
     "calibrate": "kinds.calibration",
+    "calibrate_on": "kinds.false_tracks",
     "read": "kinds.door",
     "info": "kinds.door",
     "read_result": "kinds.door",
@@ -73,6 +75,7 @@ __all__ = [
     "Sweeps",
     "Track",
     "calibrate",
+    "calibrate_on",
     "follow",
     "from_bearings",
     "from_frames",

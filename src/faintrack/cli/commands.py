@@ -20,6 +20,9 @@ Settings = Annotated[
 ArrayFile = Annotated[Path | None, typer.Option(help="TOML or Acoular XML with the channels' positions.")]
 Band = Annotated[tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequencies to use; Hz.")]
 Frame = Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans of a recording; 1 s if not given.")]
+FalseTracks = Annotated[
+    str | None, typer.Option(metavar="N/h", help="False tracks that are promised, an hour or a day: 1/h, 0.5/day.")
+]
 Method = Annotated[
     str | None, typer.Option(help="bernoulli, track before detect; cfar, detect and track; the scenario's else.")
 ]
@@ -81,6 +84,7 @@ def track(
     frame: Frame = None,
     method: Method = None,
     settings: Settings = None,
+    false_tracks: FalseTracks = None,
     truth: Annotated[
         Path | None, typer.Option(help="Where targets were, to lay beside: CSV, AIS reports, TOML of a simulation.")
     ] = None,
@@ -113,7 +117,15 @@ def track(
     with progress_bar("tracking", quiet=as_json) as advance:
         # Without a folder only tables are printed: what pictures need is not kept.
         result = run(
-            files, scenario, out=out, truth=truth, progress=advance, tell=tell, pictures=out is not None, **sections
+            files,
+            scenario,
+            out=out,
+            truth=truth,
+            false_tracks=false_tracks,
+            progress=advance,
+            tell=tell,
+            pictures=out is not None,
+            **sections,
         )
     if as_json:
         print(json.dumps(result.summary()))
@@ -184,6 +196,9 @@ def report(
 
 
 def calibrate(
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="Data to find the threshold on, for --false-tracks.")
+    ] = None,
     scenario: ScenarioFile = None,
     kind: KindName = None,
     array: ArrayFile = None,
@@ -191,6 +206,13 @@ def calibrate(
     frame: Frame = None,
     method: Method = None,
     settings: Settings = None,
+    false_tracks: FalseTracks = None,
+    quiet: Annotated[
+        str | None,
+        typer.Option(metavar="START:END,...", help="Seconds without a target; surrogates are made where not given."),
+    ] = None,
+    draws: Annotated[int, typer.Option(min=1, help="Surrogates.")] = 4,
+    out: Annotated[Path | None, typer.Option(help="Scenario to write, with the threshold found on data.")] = None,
     probability: Annotated[float, typer.Option(help="Of a false track in the duration.")] = 1e-3,
     duration: Annotated[float, typer.Option(metavar="SECONDS", help="Time that the probability is for.")] = 180.0,
     runs: Annotated[int | None, typer.Option(min=2, help="Runs to draw; enough where not given.")] = None,
@@ -200,15 +222,25 @@ def calibrate(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Find the threshold that noise passes as rarely as is wished.
+    """Find the threshold that noise passes as rarely as is wished, in your data or in the model's noise.
+
+    Example: [bold]faintrack calibrate night.wav --array array.toml --false-tracks 1/h --out night.toml[/bold]
 
     Example: [bold]faintrack calibrate --array array.toml --band 100 1500 --probability 0.01 --duration 3600[/bold]
     """
-    from faintrack import calibrate as find
     from faintrack.cli.options import sections_of
     from faintrack.cli.progress import progress_bar
 
     sections = sections_of(settings, kind, array, band, frame, method)
+    if files or false_tracks is not None:
+        _calibrate_on(files or [], scenario, sections, false_tracks, quiet, draws, seed, out, as_json)
+        return
+    if quiet is not None or out is not None:
+        from faintrack.errors import InputError
+
+        raise InputError(f"{'--quiet' if out is None else '--out'} was given without data; expected files.")
+    from faintrack import calibrate as find
+
     if sample_rate is not None:
         sections["simulation"] = {"duration": duration, **sections.get("simulation", {}), "sample_rate": sample_rate}
     with progress_bar("calibrating", quiet=as_json) as advance:
@@ -223,6 +255,66 @@ def calibrate(
         print(f"for        a false track in {duration:g} s with probability {probability:g}")
         print(f"found by   {calibrated.by}, {calibrated.runs} runs")
         print(f"scenario   [tracker] declare = {threshold.value:.5f}")
+
+
+def _calibrate_on(
+    files: list[Path],
+    scenario: Path | None,
+    sections: dict[str, Any],
+    false_tracks: str | None,
+    quiet: str | None,
+    draws: int,
+    seed: int,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Find the threshold on data and print it."""
+    from faintrack import InputError, calibrate_on
+    from faintrack.cli.progress import progress_bar
+    from faintrack.kinds.false_tracks import stretches_of
+
+    if not files:
+        raise InputError(
+            "--false-tracks was given without data; expected files, or faintrack track FILES --false-tracks N/h, which "
+            "takes the threshold of the model."
+        )
+    if false_tracks is None:
+        raise InputError("data were given without a rate; expected --false-tracks N/h, such as 1/h.")
+    if out is not None and out.exists():
+        raise InputError(f"{out} exists; expected another name for --out.")
+    stretches = None if quiet is None else stretches_of(quiet)
+    with progress_bar("calibrating", quiet=as_json) as advance:
+        found = calibrate_on(
+            files,
+            scenario,
+            false_tracks=false_tracks,
+            quiet=stretches,
+            draws=draws,
+            seed=seed,
+            progress=advance,
+            **sections,
+        )
+    if out is not None:
+        try:
+            found.scenario.save(out)
+        except OSError as error:
+            raise InputError(f"{out} cannot be written ({error.strerror}).") from error
+    plain = found.as_dict()
+    if as_json:
+        print(json.dumps(plain))
+        return
+    low, high = plain["interval"]
+    fewest, most = plain["per_hour_interval"]
+    print(f"threshold  {plain['threshold']:.5f}, 95 % interval {low:.5f} to {high:.5f}")
+    print(f"for        {false_tracks}; passed {plain['per_hour']:.3g} times an hour, {fewest:.2g} to {most:.2g}")
+    print(f"found by   {plain['peaks']} peaks of existence in {plain['hours']:.3g} h of {plain['by']}")
+    for remark in plain["remarks"]:
+        print(f"remark     {remark}")
+    print(
+        f"scenario   {out}"
+        if out is not None
+        else f"scenario   tracker.declare = {plain['threshold']:.5f}; --out FILE writes it"
+    )
 
 
 def bench(

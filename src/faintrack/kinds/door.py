@@ -17,6 +17,7 @@ from faintrack.errors import InputError
 from faintrack.kinds import kind_named, kinds
 from faintrack.kinds.kind import Kind, Plan
 from faintrack.kinds.loop import Checkpoint, advance, datasets
+from faintrack.kinds.promise import about_false_tracks, keeping
 from faintrack.kinds.scenario import Scenario, kind_of_sections, merged, scenario_of
 from faintrack.numerics.compiled import keep_compilations
 from faintrack.results.folder import open_blocks, read_folder, require_place, result_folder, write_blocks, write_rest
@@ -100,6 +101,7 @@ def track(
     *,
     out: str | Path | None = None,
     truth: Any = None,
+    false_tracks: str | None = None,
     progress: Progress = lambda scans, total: None,
     tell: Callable[[str], None] = lambda sentence: None,
     pictures: bool = True,
@@ -113,6 +115,7 @@ def track(
     scenario : what to run: a path, a dictionary, a `Scenario`; defaults where not given.
     out : folder that data, tables, scenario and report are kept in; see `faintrack.results.folder`.
     truth : where targets really were, to lay beside the tracks: a path, see `faintrack.kinds.truth`.
+    false_tracks : promised an hour or a day, "1/h", in place of the scenario's; see `faintrack.kinds.promise`.
     progress : is called while the run goes on.
     tell : is called before the run with each sentence of what was assumed, or cannot be told with this set-up.
     pictures : whether what only pictures read is kept where there is no `out`.
@@ -137,7 +140,7 @@ def track(
         require_place(out)
     kind, data, what_to_run = opened(what, scenario, sections)
     start = clock.perf_counter()
-    plan = kind.plan(data, what_to_run)
+    plan = kind.plan(data, keeping(kind, what_to_run, false_tracks))
     for check in dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks)):
         tell(check)
     blocks = _counted(datasets(plan), plan, progress)
@@ -148,12 +151,12 @@ def track(
     if out is None:
         held = [block if pictures else block.drop_vars(PICTURES, errors="ignore") for block in blocks]
         found = joined(held)
-        return Result(found, plan.scenario, kind, clock.perf_counter() - start, _remarks(data, plan, found))
+        return Result(found, plan.scenario, kind, clock.perf_counter() - start, _remarks(kind, data, plan, found))
     with result_folder(out) as folder:
         write_blocks(folder, blocks)
         seconds = clock.perf_counter() - start
         found = open_blocks(folder)
-        result = Result(found, plan.scenario, kind, seconds, _remarks(data, plan, found))
+        result = Result(found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found))
         write_rest(folder, result)
     return _reported(read_result(out), Path(out) / "report.html")
 
@@ -183,7 +186,7 @@ def follow(
     """
     keep_compilations()
     kind, data, what_to_run = opened(what, scenario, sections)
-    for checkpoint, rows in advance(kind.plan(data, what_to_run), since, block):
+    for checkpoint, rows in advance(kind.plan(data, keeping(kind, what_to_run)), since, block):
         yield Moment(rows, checkpoint)
 
 
@@ -436,9 +439,12 @@ def _paths(what: Any) -> tuple[Path, ...]:
     return paths
 
 
-def _remarks(data: Any, plan: Plan, found: xr.Dataset) -> tuple[str, ...]:
+def _remarks(kind: Kind, data: Any, plan: Plan, found: xr.Dataset) -> tuple[str, ...]:
     """What a user must know of data, of how they were taken in and what was lost; each sentence once."""
-    return tuple(dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks(), *_no_room(found))))
+    promised = about_false_tracks(kind, plan.scenario, found)
+    return tuple(
+        dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks(), *_no_room(found), *promised))
+    )
 
 
 def _no_room(found: xr.Dataset) -> tuple[str, ...]:

@@ -97,6 +97,12 @@ class Kind:
     shown : what the figure shows.
     calibrate : a faster way to a threshold than counting runs on silence, called as `faintrack.kinds.calibration` does.
     needs : what the command line needs beside the files, where there is no scenario.
+    surrogate : function of data, scenario and a seed to data without the targets that they hold, made of them; see
+        `faintrack.kinds.surrogates`. None where there is no way.
+    stretch : function of data and two times, seconds from the first scan, to the data between; see
+        `faintrack.kinds.stretches`. None where there is no way.
+    gained : function of a scenario to what its odds of existence gain in a second at most without evidence
+        (`faintrack.metrics.false_tracks`); None where what it tracks by is no likelihood ratio of one target.
     """
 
     name: str
@@ -117,3 +123,6 @@ class Kind:
     calibrate: Callable[..., Any] | None = None
     needs: tuple[str, ...] = ()
     takes: Callable[[tuple[Path, ...]], bool] = lambda paths: False
+    surrogate: Callable[[Any, Any, int], Any] | None = None
+    stretch: Callable[[Any, float, float], Any] | None = None
+    gained: Callable[[Any], float | None] = lambda scenario: None

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
+from faintrack.results.schema import covered_seconds
 from faintrack.results.track import Track, tracks_of
+from faintrack.scenario.promise import promise_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,7 +89,8 @@ class Result:
 
         `scans` is their number, `scan_interval` the time between them in seconds, `seconds` what the run took,
         `realtime_factor` the length of the data over it. Kinds count further: `masked_scans`, in which a channel was
-        left out; `full_scans`, in which a target was found and no slot was free.
+        left out; `full_scans`, in which a target was found and no slot was free. `false_tracks` is what was promised
+        and is expected of them (`faintrack.scenario.promise.Promise`), or None.
         """
         scans, interval = self.data.sizes["time"], float(self.data.attrs["scan_interval"])
         counts = {
@@ -95,6 +98,7 @@ class Result:
             for values in self.data.data_vars.values()
             if "counted" in values.attrs
         }
+        promise = promise_of(self.scenario, self.kind.gained(self.scenario), covered_seconds(self.data))
         return {
             "kind": self.kind.name,
             "tracks": [track.summary() for track in self.tracks],
@@ -102,6 +106,7 @@ class Result:
             "scan_interval": interval,
             "seconds": self.seconds,
             "realtime_factor": scans * interval / self.seconds,
+            "false_tracks": None if promise is None else promise.as_dict(),
             **counts,
             "remarks": list(self.remarks),
         }

@@ -93,6 +93,11 @@ def bearing(reference: str, level: bool = True) -> tuple[Component, ...]:
     return components if level else components[:2]
 
 
+def covered_seconds(data: xr.Dataset) -> float:
+    """Time that the scans of a result cover; seconds."""
+    return data.sizes["time"] * float(data.attrs["scan_interval"])
+
+
 def column(name: str, unit: str) -> str:
     """Name of a component in a table, with its unit.
 

@@ -1,8 +1,24 @@
 """Sections that scenarios of several kinds have, or build on."""
 
-from pydantic import Field, model_validator
+from typing import Annotated, Literal
 
+from pydantic import AfterValidator, Field, model_validator
+
+from faintrack.errors import InputError
+from faintrack.scenario.promise import per_second
 from faintrack.scenario.section import Pair, Section
+
+
+def _rate(text: str) -> str:
+    try:
+        per_second(text)
+    except InputError as error:
+        raise ValueError(str(error).partition("; ")[2].rstrip(".")) from error
+    return text
+
+
+Rate = Annotated[str, AfterValidator(_rate)]
+"""A rate of false tracks: "1/h", "0.5/day"."""
 
 
 class TargetSection(Section):
@@ -43,17 +59,48 @@ class ParticlesSection(SeedSection):
     births: int = Field(default=250, ge=10, le=1_000_000)
 
 
+Source = Literal["quiet stretches", "surrogates"]
+"""Of data without a target: what a user calls quiet, or what is made of data (`faintrack.kinds.surrogates`)."""
+
+
+class CalibrationSection(Section):
+    """How a threshold was found on data without a target; `faintrack calibrate` writes it.
+
+    Attributes
+    ----------
+    false_tracks : that the threshold keeps.
+    declare : the threshold on existence.
+    by : what the data were: "quiet stretches", or "surrogates" made of data with targets.
+    hours : of such data.
+    per_hour : times that existence passes the threshold in an hour of them.
+    interval : of that number; 95 %.
+    extrapolated : whether the data are too short to count so few.
+    """
+
+    false_tracks: Rate
+    declare: float = Field(gt=0, lt=1)
+    by: Source
+    hours: float = Field(gt=0)
+    per_hour: float = Field(ge=0)
+    interval: Pair
+    extrapolated: bool
+
+
 class TrackerSection(Section):
     """How tracks come about.
 
     Attributes
     ----------
-    declare : existence at which a track begins.
+    declare : existence at which a track begins; follows from `false_tracks` where that is given.
     drop : existence of the track's own below which it ends.
+    false_tracks : an hour or a day that are promised, "1/h"; by `calibration` where there is one, else by the model.
+    calibration : how the threshold was found on data without a target; `faintrack calibrate` writes it.
     """
 
     declare: float = Field(default=0.97, gt=0, lt=1)
     drop: float = Field(default=0.3, gt=0, lt=1)
+    false_tracks: Rate | None = None
+    calibration: CalibrationSection | None = None
 
     @model_validator(mode="after")
     def _hysteresis(self) -> "TrackerSection":
@@ -71,8 +118,10 @@ class ManySection(TrackerSection):
         with a likelihood that knows of no others.
     silence : scans after which a target that is not heard any more is given up, about; a pulsed one or one that fades
         is one track if it is heard again before.
-    declare : existence at which a track begins.
+    declare : existence at which a track begins; follows from `false_tracks` where that is given.
     drop : existence of the track's own below which it ends.
+    false_tracks : an hour or a day that are promised, "1/h"; by `calibration` where there is one, else by the model.
+    calibration : how the threshold was found on data without a target; `faintrack calibrate` writes it.
     """
 
     targets: int | None = Field(default=None, ge=1, le=64)

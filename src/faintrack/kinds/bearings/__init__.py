@@ -56,4 +56,7 @@ KIND = Kind(
     draw=room("faintrack.kinds.bearings.pictures", "draw"),
     shown="Bearings, existence, position",
     needs=("--scenario FILE",),
+    surrogate=lambda data, scenario, seed: room("faintrack.kinds.surrogates", "mixed")(data, seed),
+    stretch=room("faintrack.kinds.stretches", "of_bearings"),
+    gained=room("faintrack.kinds.promise", "gained_by_target"),
 )

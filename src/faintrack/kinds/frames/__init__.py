@@ -91,4 +91,7 @@ KIND = Kind(
     about=room("faintrack.kinds.frames.report", "about"),
     draw=room("faintrack.kinds.frames.pictures", "draw"),
     shown="Frames, existence, position",
+    surrogate=lambda data, scenario, seed: room("faintrack.kinds.surrogates", "reordered")(data, seed),
+    stretch=room("faintrack.kinds.stretches", "of_sequence"),
+    gained=room("faintrack.kinds.promise", "gained_by_target"),
 )

@@ -77,4 +77,7 @@ KIND = Kind(
     shown="Record, existence, SNR",
     calibrate=room("faintrack.kinds.recording.calibration", "calibrate"),
     needs=("--array FILE",),
+    surrogate=room("faintrack.kinds.recording.quiet", "surrogate"),
+    stretch=room("faintrack.kinds.stretches", "of_recording"),
+    gained=room("faintrack.kinds.recording.quiet", "gained"),
 )

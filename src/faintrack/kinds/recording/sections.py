@@ -108,7 +108,8 @@ class MethodSection(ManySection):
     ----------
     method : "bernoulli", track before detect; or "cfar", the classical baseline (`faintrack.baselines`), which reads no
         likelihood and no particle filter.
-    targets, silence, declare, drop : see `faintrack.scenario.sections.ManySection`; "cfar" follows one target.
+    targets, silence, declare, drop, false_tracks, calibration : see `faintrack.scenario.sections.ManySection`; "cfar"
+        follows one target.
     """
 
     method: Literal["bernoulli", "cfar"] = "bernoulli"

@@ -89,4 +89,6 @@ KIND = Kind(
     shown="Map, records, detection",
     needs=("--scenario FILE",),
     takes=_takes,
+    surrogate=room("faintrack.kinds.records.quiet", "surrogate"),
+    stretch=room("faintrack.kinds.records.quiet", "stretch"),
 )

@@ -190,6 +190,8 @@ class SeveralSection(TrackerSection):
     declare : existence at which a track begins, once its target has been in hand for `hold` scans.
     hold : scans; more where beams of targets cross those of others for long.
     drop : existence below which a target is given up.
+    false_tracks : an hour or a day that are promised, "1/h"; it takes a `calibration`.
+    calibration : how the threshold was found on data without a target; `faintrack calibrate` writes it.
     margin : beams on either side of a target's own that it raises too.
     """
 

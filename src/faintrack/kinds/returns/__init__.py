@@ -64,4 +64,7 @@ KIND = Kind(
     draw=room("faintrack.kinds.returns.pictures", "draw"),
     shown="Position, velocity, existence, returns",
     needs=("--scenario FILE",),
+    surrogate=lambda data, scenario, seed: room("faintrack.kinds.surrogates", "exchanged")(data, seed),
+    stretch=room("faintrack.kinds.stretches", "of_returns"),
+    gained=room("faintrack.kinds.promise", "gained_by_target"),
 )

@@ -66,4 +66,6 @@ KIND = Kind(
     about=room("faintrack.kinds.sweeps.report", "about"),
     draw=room("faintrack.kinds.sweeps.pictures", "draw"),
     shown="Plan position, existence",
+    surrogate=room("faintrack.kinds.sweeps.quiet", "surrogate"),
+    stretch=room("faintrack.kinds.sweeps.quiet", "stretch"),
 )

@@ -93,6 +93,8 @@ class SlotsSection(TrackerSection):
     ----------
     declare : existence of a moving target, against a fixed echo or none, at which a track begins.
     drop : existence below which it ends.
+    false_tracks : an hour or a day that are promised, "1/h"; it takes a `calibration`.
+    calibration : how the threshold was found on data without a target; `faintrack calibrate` writes it.
     hold : s that an echo is watched before its target is declared: in less, fluctuations look like motion.
     slots : targets in hand at most; a sweep with more is counted.
     """
