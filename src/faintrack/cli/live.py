@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -37,6 +37,11 @@ def live(
     out: Annotated[
         Path | None, typer.Option(help="Folder for lines, results and state; goes on where it is one.")
     ] = None,
+    port: Annotated[int | None, typer.Option(help="Of the page, such as 8080; no page where not given.")] = None,
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="That the page listens at.")] = "127.0.0.1",
+    token_file: Annotated[
+        Path | None, typer.Option(help="File with the token that watchers must know; needed beyond this machine.")
+    ] = None,
 ) -> None:
     """Track a recording while it is made; print one line of JSON a scan.
 
@@ -47,10 +52,14 @@ def live(
     Example: [bold]faintrack live replay night.wav --speed 10 --array array.toml[/bold]
     """
     from faintrack.cli.options import sections_of
-    from faintrack.kinds.door import scenario_given
+    from faintrack.kinds.door import Moment, scenario_given
     from faintrack.live.lines import line
+    from faintrack.live.page.feed import greeting, scan_message
+    from faintrack.live.page.guard import guard_of
+    from faintrack.live.page.server import Page
     from faintrack.live.run import run
     from faintrack.live.sources import raw_of
+    from faintrack.live.watch import Watch
 
     what = scenario_given(scenario, sections_of(settings, None, array, band, frame)).of("recording")
     raw = raw_of(channels, rate, format)
@@ -61,8 +70,19 @@ def live(
         if event["event"] != "scan":
             print(_sentence(event), file=sys.stderr, flush=True)
 
-    with stopped_by_signals() as stop:
-        run(source, what, out=out, raw=raw, speed=speed, tell=tell, stop=stop)
+    guard = None if port is None and token_file is None else guard_of(host, token_file)
+    with ExitStack() as held:
+        stop = held.enter_context(stopped_by_signals())
+        page = None if guard is None or port is None else held.enter_context(Page(port, guard))
+        if page is not None:
+            print(f"{'page':<10} {page.url}", file=sys.stderr, flush=True)
+
+        def see(watch: Watch, moment: Moment, event: Mapping[str, Any]) -> None:
+            if page is not None:
+                page.greet(greeting(watch, moment))
+                page.send(scan_message(watch, moment, event))
+
+        run(source, what, out=out, raw=raw, speed=speed, tell=tell, see=see, stop=stop)
 
 
 def _sentence(event: Mapping[str, Any]) -> str:
