@@ -52,23 +52,39 @@ def live(
     Example: [bold]faintrack live replay night.wav --speed 10 --array array.toml[/bold]
     """
     from faintrack.cli.options import sections_of
-    from faintrack.kinds.door import Moment, scenario_given
+    from faintrack.kinds.door import scenario_given
+    from faintrack.live.sources import raw_of
+
+    what = scenario_given(scenario, sections_of(settings, None, array, band, frame)).of("recording")
+    raw = raw_of(channels, rate, format)
+    watch_source(source, what, out=out, raw=raw, speed=speed, port=port, host=host, token_file=token_file)
+
+
+def watch_source(
+    source: list[str],
+    scenario: Any,
+    *,
+    out: Path | None = None,
+    raw: Any = None,
+    speed: float | None = None,
+    port: int | None = None,
+    host: str = "127.0.0.1",
+    token_file: Path | None = None,
+) -> None:
+    """Watch a source until it ends or a signal comes: lines on standard output or in a folder, and a page.
+
+    Parameters
+    ----------
+    source, scenario, out, raw, speed : see `faintrack.live.run.run`.
+    port, host, token_file : of the page; none without a port.
+    """
+    from faintrack.kinds.door import Moment
     from faintrack.live.lines import line
     from faintrack.live.page.feed import greeting, scan_message
     from faintrack.live.page.guard import guard_of
     from faintrack.live.page.server import Page
     from faintrack.live.run import run
-    from faintrack.live.sources import raw_of
     from faintrack.live.watch import Watch
-
-    what = scenario_given(scenario, sections_of(settings, None, array, band, frame)).of("recording")
-    raw = raw_of(channels, rate, format)
-
-    def tell(event: Mapping[str, Any]) -> None:
-        if out is None:
-            print(line(event), flush=True)
-        if event["event"] != "scan":
-            print(_sentence(event), file=sys.stderr, flush=True)
 
     guard = None if port is None and token_file is None else guard_of(host, token_file)
     with ExitStack() as held:
@@ -77,12 +93,20 @@ def live(
         if page is not None:
             print(f"{'page':<10} {page.url}", file=sys.stderr, flush=True)
 
+        def tell(event: Mapping[str, Any]) -> None:
+            if out is None:
+                print(line(event), flush=True)
+            if page is not None and event["event"] == "alarm":
+                page.send(line(event))
+            if event["event"] != "scan":
+                print(_sentence(event), file=sys.stderr, flush=True)
+
         def see(watch: Watch, moment: Moment, event: Mapping[str, Any]) -> None:
             if page is not None:
                 page.greet(greeting(watch, moment))
                 page.send(scan_message(watch, moment, event))
 
-        run(source, what, out=out, raw=raw, speed=speed, tell=tell, see=see, stop=stop)
+        run(source, scenario, out=out, raw=raw, speed=speed, tell=tell, see=see, stop=stop)
 
 
 def _sentence(event: Mapping[str, Any]) -> str:

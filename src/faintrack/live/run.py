@@ -11,12 +11,17 @@ import numpy as np
 
 from faintrack.errors import InputError
 from faintrack.kinds.door import Moment
+from faintrack.live.alarms import AlarmBell, restored
 from faintrack.live.bytestream import Raw, now
 from faintrack.live.keeping import PART, Keeping, Since
 from faintrack.live.lines import event_of
 from faintrack.live.sources import is_stored, opened_stream
 from faintrack.live.stream import Stream
 from faintrack.live.watch import Tell, Watch, watched
+from faintrack.live.webhook import Webhooks, secret_of
+
+PATIENCE = 10.0
+"""Seconds that alarms have to be sent in when the watch ends."""
 
 See = Callable[[Watch, Moment, Mapping[str, Any]], None]
 """Is called with the watch, each scan, and the event of it."""
@@ -58,14 +63,19 @@ def run(
     stop = threading.Event() if stop is None else stop
     if scenario.array is None:
         raise InputError("no array was given; expected --array FILE, or [array] in the scenario.")
+    secrets = {str(rule.secret_file): secret_of(rule.secret_file) for rule in scenario.alarm or () if rule.secret_file}
     with ExitStack() as held:
         keeping = None if out is None else held.enter_context(Keeping(out, part))
         since = None if keeping is None else keeping.since()
 
+        speaking = threading.Lock()
+
         def told(event: Mapping[str, Any]) -> None:
-            if keeping is not None:
-                keeping.tell(event)
-            tell(event)
+            # A webhook that failed is told from its own thread.
+            with speaking:
+                if keeping is not None:
+                    keeping.tell(event)
+                tell(event)
 
         stored = is_stored(words)
         start = since.scans * round(_frame_of(since) or 0) if since is not None and stored else 0
@@ -81,13 +91,20 @@ def run(
         if keeping is not None and since is None and watch.opening is not None:
             keeping.save_beginning(watch.opening, watch.plan)
 
+        bell = restored(scenario.alarm or (), {} if since is None else since.facts["alarms"])
+        webhooks = Webhooks(told)
+
         def seen() -> Iterator[Moment]:
             for moment in watch.moments():
                 event = event_of(moment)
                 told(event)
                 see(watch, moment, event)
+                for rule, alarm in bell.take(event):
+                    told(alarm)
+                    if rule.webhook is not None:
+                        webhooks.send(rule.webhook, secrets[str(rule.secret_file)], alarm)
                 if keeping is not None and keeping.due():
-                    _save(keeping, watch)
+                    _save(keeping, watch, bell)
                 yield moment
 
         moments = seen()
@@ -97,7 +114,8 @@ def run(
                     keeping.part(watch.plan, moments, moment, watch.remarks)
         finally:
             if keeping is not None and watch.status.scans:
-                _save(keeping, watch)
+                _save(keeping, watch, bell)
+            webhooks.finish(PATIENCE)
             told({"event": "end", "scans": watch.status.scans})
         return watch.status.scans
 
@@ -106,8 +124,8 @@ def _frame_of(since: Since | None) -> float | None:
     return None if since is None else float(since.facts["frame"])
 
 
-def _save(keeping: Keeping, watch: Watch) -> None:
-    facts = {"frame": watch.frame, "sample_rate": watch.stream.sample_rate}
+def _save(keeping: Keeping, watch: Watch, bell: AlarmBell) -> None:
+    facts = {"frame": watch.frame, "sample_rate": watch.stream.sample_rate, "alarms": bell.saved()}
     keeping.save(watch.checkpoint, watch.stream.start_time, facts)
 
 

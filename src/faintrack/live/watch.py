@@ -14,17 +14,21 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError
 from faintrack.kinds import kind_named
 from faintrack.kinds.door import Moment
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import Checkpoint, advance
-from faintrack.live.buffer import LOOKAHEAD, Buffer
+from faintrack.live.buffer import FAR, LOOKAHEAD, MOST_VALUES, Buffer
 from faintrack.live.stream import Stream
 from faintrack.numerics.compiled import keep_compilations
 
 TAKEN_IN = 60
 """Frames on end without a sample that are taken in; of more, all but the last are passed over."""
+
+OPENING = 11.0
+"""Seconds of samples that a plan looks at, and a little more."""
 
 Tell = Callable[[Mapping[str, Any]], None]
 """Is called with each event: a dictionary of plain values whose `event` is its name."""
@@ -76,7 +80,12 @@ class Watch:
         keep_compilations()
         self.buffer = Buffer(self.stream, self.base, self.opening, self.stop)
         self.frame = round(self.scenario.analysis.frame * self.stream.sample_rate)
-        self.buffer.start()
+        # A recorder does not wait until programs are compiled; a replay does.
+        if self.stream.pace == 1:
+            self.buffer.start()
+        _compile(self.stream, self.scenario)
+        if self.stream.pace != 1:
+            self.buffer.start()
         self.plan: Plan = kind_named("recording").plan(self.buffer.recording(), self.scenario)
         self.opening = self.buffer.opening()
         self.checkpoint = Checkpoint(self.plan.state, 0)
@@ -143,6 +152,22 @@ class Watch:
             said.append(f"The machine was too slow: {status.left_out} whole scans were left out.")
         said += [f"Of the packets {count} were {name.replace('_', ' ')}." for name, count in self.stream.counts.items()]
         return tuple(dict.fromkeys((*self.plan.checks, *self.plan.remarks(), *said)))
+
+
+def _compile(stream: Stream, scenario: Any) -> None:
+    """Compile what the first scan needs, on noise, while the stream's own first seconds are still to come.
+
+    Raises
+    ------
+    InputError : stream and scenario do not fit together.
+    """
+    rate, channels = stream.sample_rate, len(stream.channel_names)
+    length = min(max(2 * round(scenario.analysis.frame * rate), round(OPENING * rate)), MOST_VALUES // channels)
+    noise = np.random.default_rng(0).normal(size=(length, channels)).astype(np.float32)
+    recording = Recording(
+        lambda start, stop: noise[start:stop], FAR, rate, stream.channel_names, source=stream.source, live=True
+    )
+    next(advance(kind_named("recording").plan(recording, scenario), None, 1))
 
 
 def watched(stream: Stream, scenario: Any, **options: Any) -> Watch | None:

@@ -1,7 +1,7 @@
 // Pictures of scans on canvases, newest on top. A view is what part of the scans is shown: `offset` scans are newer than it,
 // and it is `rows` scans high.
 
-const MARGIN = { left: 56, bottom: 24, top: 6 };
+const MARGIN = { left: 66, bottom: 24, top: 6 };
 const TRACKS_DAY = ["#d55e00", "#000000", "#0072b2", "#cc79a7", "#e69f00", "#009e73"];
 const TRACKS_NIGHT = ["#ffd9a0", "#ffffff", "#ff8a5c", "#ffb3c8", "#ffe36e", "#c9ffb0"];
 // Lightness rises evenly in both, so that they read without colours too.
@@ -104,7 +104,7 @@ export function drawRecord(canvas, scans, view, greeting, chosen, night) {
   drawTracks(g, shown, x, y, chosen, night, Math.abs(last - first));
   g.fillStyle = style("--faint"); g.strokeStyle = style("--line"); g.font = "12px system-ui, sans-serif"; g.lineWidth = 1;
   g.textBaseline = "top";
-  const step = Math.abs(last - first) > 200 ? (wide > 500 ? 45 : 90) : (wide > 500 ? 20 : 45);
+  const step = Math.abs(last - first) > 200 ? (wide > 500 ? 45 : 90) : (wide > 500 ? 20 : wide > 220 ? 45 : 90);
   for (let deg = Math.ceil(Math.min(first, last) / step) * step; deg <= Math.max(first, last) + 0.01; deg += step) {
     const place = x(deg);
     g.textAlign = place > width - 20 ? "right" : place < MARGIN.left + 14 ? "left" : "center";
