@@ -3,6 +3,7 @@
 import asyncio
 import json
 import re
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -234,6 +235,12 @@ def test_the_number_of_watchers_is_bounded(page: Page) -> None:
         return raised.value.code
 
     assert asyncio.run(crowd()) == 503
+
+
+def test_without_tornado_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "tornado", None)
+    with pytest.raises(ft.InputError, match=r"the page needs Tornado; expected pip install \"faintrack\[live\]\""):
+        Page(0, guard_of("127.0.0.1"))
 
 
 @given(st.text(max_size=60))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,9 @@ import faintrack as ft
 from faintrack.kinds.scenario import Scenario
 from faintrack.live.keeping import Keeping
 from faintrack.live.run import run
+from faintrack.live.stream import Piece
 from tests.cli.calling import call
-from tests.live.streams import FRAME, RATE, recording, samples, scenario
+from tests.live.streams import FRAME, RATE, pieces, recording, samples, scenario, stream
 
 MOST = 60.0
 """Seconds that a process is given, compilation included."""
@@ -225,6 +227,58 @@ def test_bad_input_is_one_sentence(
     assert done.err.startswith("faintrack: "), done.err
     assert said in done.err
     assert done.err.count("\n") == 1
+
+
+def test_a_stream_without_a_frame_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    for name, count in (("none.raw", 0), ("short.raw", 300)):
+        (folder / name).write_bytes(samples()[:count].tobytes())
+        with (folder / name).open("rb") as file:
+            done = subprocess.run(
+                [
+                    sys.executable,
+                    "-m",
+                    "faintrack.cli",
+                    "live",
+                    "-",
+                    "--channels",
+                    "4",
+                    "--rate",
+                    "1000",
+                    "--scenario",
+                    "scenario.toml",
+                ],
+                stdin=file,
+                capture_output=True,
+                text=True,
+                env=os.environ | {"PYTHONPATH": str(Path(ft.__file__).parents[1])},
+                check=False,
+            )
+        assert done.returncode == 2, done.stderr
+        assert done.stderr.splitlines()[-1] == ("faintrack: standard input ended before one frame of 0.5 s had come.")
+
+
+def test_a_source_that_breaks_ends_the_watch_with_its_reason_and_a_whole_result(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken() -> Iterator[Piece]:
+        yield from pieces(samples()[:14_000])
+        raise OSError("the cable is out")
+
+    monkeypatch.setattr("faintrack.live.run.opened_stream", lambda *arguments: stream(broken()))
+    with pytest.raises(ft.InputError, match=r"^test broke \(the cable is out\)\.$"):
+        run(["-"], scenario(), out=folder / "watch")
+    with Keeping(folder / "watch") as keeping:
+        assert keeping.since().scans == 27
+
+
+def test_a_full_disk_is_one_sentence(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(event: object) -> str:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("faintrack.live.keeping.line", full)
+    with pytest.raises(ft.InputError, match=r"watch cannot be written \(No space left on device\)"):
+        run(["replay", str(folder / "night.wav")], scenario(), out=folder / "watch", speed=np.inf)
 
 
 def test_an_array_is_needed(folder: Path) -> None:

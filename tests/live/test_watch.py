@@ -163,6 +163,16 @@ def test_a_file_that_grows_is_read_to_where_it_is(tmp_path: Path) -> None:
     assert list(found.pieces) == []
 
 
+def test_a_file_that_was_cut_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "night.raw"
+    file.write_bytes(samples()[:2000].tobytes())
+    found = growing_file(file, threading.Event(), Raw(CHANNELS, RATE))
+    next(found.pieces)
+    file.write_bytes(b"")
+    with pytest.raises(ft.InputError, match="the file was cut to less than the"):
+        list(found.pieces)
+
+
 def test_a_pipe_is_awaited(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)

@@ -132,7 +132,11 @@ class Buffer:
             while self._end < stop and not self._over and not self.stop.is_set():
                 self._changed.wait(TICK)
             if self._end < stop and self._error is not None:
-                raise self._error
+                raise (
+                    self._error
+                    if isinstance(self._error, InputError)
+                    else InputError(f"{self.stream.source} broke ({str(self._error) or type(self._error).__name__}).")
+                ) from self._error
             return self._end >= stop
 
     def read(self, start: int, stop: int) -> Float[np.ndarray, "sample channel"]:

@@ -78,11 +78,17 @@ class Bytes:
 
     def __init__(self, descriptor: int, stop: threading.Event, grows: bool = False) -> None:
         self._descriptor, self._stop, self._grows = descriptor, stop, grows
+        self._place = 0
         # A pipe that nobody has opened for writing yet reads as one that has ended.
         self._waits = stat.S_ISFIFO(os.fstat(descriptor).st_mode) and not os.get_blocking(descriptor)
 
     def some(self, most: int) -> bytes:
-        """As many bytes as there are, one at least; none at the end."""
+        """As many bytes as there are, one at least; none at the end.
+
+        Raises
+        ------
+        InputError : a file that grows has become shorter.
+        """
         while not self._stop.is_set():
             if not self._grows and not select.select([self._descriptor], [], [], POLL)[0]:
                 continue
@@ -92,9 +98,12 @@ class Bytes:
                 continue
             if content:
                 self._waits = False
+                self._place += len(content)
                 return content
             if not (self._grows or self._waits):
                 return b""
+            if self._grows and os.fstat(self._descriptor).st_size < self._place:
+                raise InputError(f"the file was cut to less than the {self._place} bytes that were read of it.")
             time.sleep(POLL)
         return b""
 

@@ -184,11 +184,19 @@ class Keeping:
         return time.monotonic() - self._saved > SAVED
 
     def tell(self, event: Mapping[str, Any]) -> None:
-        """Add an event to the lines of the part that is open."""
-        if self._lines is None:
-            self._lines = (self.folder / f"{self._name()}.jsonl").open("a", encoding="utf-8")
-        self._lines.write(line(event) + "\n")
-        self._lines.flush()
+        """Add an event to the lines of the part that is open.
+
+        Raises
+        ------
+        InputError : it cannot be written.
+        """
+        try:
+            if self._lines is None:
+                self._lines = (self.folder / f"{self._name()}.jsonl").open("a", encoding="utf-8")
+            self._lines.write(line(event) + "\n")
+            self._lines.flush()
+        except OSError as error:
+            raise InputError(f"{self.folder} cannot be written ({error.strerror}).") from error
 
     def part(
         self, plan: Plan, moments: Iterator[Moment], first: Moment, remarks: Callable[[], tuple[str, ...]]

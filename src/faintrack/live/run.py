@@ -117,6 +117,8 @@ def run(
                 _save(keeping, watch, bell)
             webhooks.finish(PATIENCE)
             told({"event": "end", "scans": watch.status.scans})
+        if not (watch.status.scans or since or stop.is_set()):
+            raise InputError(f"{stream.source} ended before one frame of {scenario.analysis.frame:g} s had come.")
         return watch.status.scans
 
 
@@ -168,7 +170,9 @@ def _begin(watch: Watch, since: Since | None, base: int, told: Tell) -> None:
         earlier = since.load(watch.plan)
         number = max(earlier.scans, -(-base // watch.frame))
         watch.checkpoint = replace(earlier, scans=number)
-        event["goes_on"] = {"scan": earlier.scans, "gap_s": (number - earlier.scans) * watch.frame / rate}
+        gap = (number - earlier.scans) * watch.frame / rate
+        watch.status.gaps, watch.status.missing_s = int(gap > 0), gap
+        event["goes_on"] = {"scan": earlier.scans, "gap_s": gap}
     told(event)
     for remark in watch.plan.checks:
         told({"event": "remark", "text": remark})

@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float
 
 from faintrack.data.recording import Recording
-from faintrack.errors import InputError
 from faintrack.kinds import kind_named
 from faintrack.kinds.door import Moment
 from faintrack.kinds.kind import Plan
@@ -184,8 +183,8 @@ def watched(stream: Stream, scenario: Any, **options: Any) -> Watch | None:
     stop = options.setdefault("stop", threading.Event())
     try:
         return Watch(stream, scenario, **options)
-    except (InputError, ValueError):
-        # Of a stream that was stopped too early nothing can be said.
+    except Exception:
+        # Of the few samples of a stream that was stopped too early nothing can be said, whatever they lead to.
         if stop.is_set():
             return None
         raise
