@@ -98,6 +98,7 @@ class Keeping:
     _open: ExitStack = field(default_factory=ExitStack)
     _lines: Any = None
     _saved: float = 0.0
+    _whole: bool = False
 
     def __enter__(self) -> "Keeping":
         folder = self.folder
@@ -191,6 +192,9 @@ class Keeping:
         InputError : it cannot be written.
         """
         try:
+            # What is told between two parts, or at the end, belongs to the one before.
+            if self._whole and event["event"] == "scan":
+                self._close_lines()
             if self._lines is None:
                 self._lines = (self.folder / f"{self._name()}.jsonl").open("a", encoding="utf-8")
             self._lines.write(line(event) + "\n")
@@ -228,7 +232,7 @@ class Keeping:
             seconds = time.monotonic() - begun
             kind = kind_named("recording")
             write_rest(folder, Result(open_blocks(folder), plan.scenario, kind, seconds, remarks()))
-        self._close_lines()
+        self._whole = True
         return self.folder / name
 
     def _finish(self, partial: Path) -> None:
@@ -259,7 +263,7 @@ class Keeping:
     def _close_lines(self) -> None:
         if self._lines is not None:
             self._lines.close()
-            self._lines = None
+            self._lines, self._whole = None, False
 
 
 def _save_array(path: Path, values: np.ndarray) -> None:

@@ -145,10 +145,13 @@ function drawTracks(g, shown, x, y, chosen, night, around) {
       line.forEach(([row, deg, std], k) => (k ? g.lineTo(x(deg - 2 * std), y(row)) : g.moveTo(x(deg - 2 * std), y(row))));
       for (let k = line.length - 1; k >= 0; k--) g.lineTo(x(line[k][1] + 2 * line[k][2]), y(line[k][0]));
       g.closePath(); g.fill();
-      g.globalAlpha = 1; g.strokeStyle = colour; g.lineWidth = label === chosen ? 4 : 2;
+      g.globalAlpha = 1;
       g.beginPath();
       line.forEach(([row, deg], k) => (k ? g.lineTo(x(deg), y(row)) : g.moveTo(x(deg), y(row))));
-      g.stroke();
+      // A line is seen on a loud source too.
+      const thick = label === chosen ? 4 : 2;
+      g.strokeStyle = style("--panel"); g.lineWidth = thick + 2; g.stroke();
+      g.strokeStyle = colour; g.lineWidth = thick; g.stroke();
     }
     const [row, deg] = points[0];
     g.font = "bold 13px system-ui, sans-serif"; g.textAlign = "left"; g.textBaseline = "top";
@@ -166,7 +169,8 @@ export function drawExistence(canvas, scans, view, greeting, chosen, night) {
   g.font = "12px system-ui, sans-serif"; g.textBaseline = "top"; g.fillStyle = style("--faint");
   g.strokeStyle = style("--line"); g.strokeRect(left, MARGIN.top, wide, high);
   g.textAlign = "left"; g.fillText("0", left, height - MARGIN.bottom + 6);
-  g.textAlign = "center"; g.fillText("existence", width / 2, height - MARGIN.bottom + 6);
+  g.textAlign = "center";
+  if (width > 110) g.fillText("existence", width / 2, height - MARGIN.bottom + 6);
   g.textAlign = "right"; g.fillText("1", width - left, height - MARGIN.bottom + 6);
   for (const [value, dash] of [[greeting.declare, [6, 3]], [greeting.drop, [2, 3]]]) {
     g.setLineDash(dash); g.strokeStyle = style("--faint");
