@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from faintrack.cli import commands, study
+from faintrack.cli import commands, live, study
 
 app = typer.Typer(
     name="faintrack",
@@ -18,6 +18,7 @@ for command in (
     commands.info,
     commands.init,
     commands.track,
+    live.live,
     commands.report,
     commands.simulate,
     commands.calibrate,

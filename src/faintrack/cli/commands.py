@@ -30,13 +30,18 @@ Method = Annotated[
 
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for recording, scenario and result.")] = Path("demo"),
+    live: Annotated[bool, typer.Option("--live", help="Play it as if it came now, and show a page.")] = False,
+    speed: Annotated[float, typer.Option(help="Of --live: seconds of the recording a second.")] = 1.0,
+    port: Annotated[int, typer.Option(help="Of the page of --live.")] = 8080,
 ) -> None:
-    """Simulate a faint source, track it from the file, and leave a report.
+    """Simulate a faint source, track it from the file, and leave a report; or watch it come.
 
     32 towed hydrophones hear three minutes; after one minute a source at -30 dB appears, far below what a frame can
     show.
 
     Example: [bold]faintrack demo --out demo[/bold]
+
+    Example: [bold]faintrack demo --live --speed 5[/bold]
     """
     from importlib.resources import files
 
@@ -52,6 +57,11 @@ def demo(
     recording, array = out / "recording.wav", out / "array.toml"
     array.write_text(array_toml(build(scenario.array)), encoding="utf-8")
     simulate(scenario, recording)
+    if live:
+        from faintrack.cli.live import watch_source
+
+        watch_source(["replay", str(recording)], scenario, speed=speed, port=port)
+        return
     with progress_bar("tracking", quiet=False) as advance:
         result = track(recording, scenario, array=array, truth=scenario, out=out / "result", progress=advance)
     print_result(result)

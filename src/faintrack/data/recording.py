@@ -28,6 +28,8 @@ class Recording:
     start_time : time of the first sample in UTC, or None where the source does not tell.
     source : where the samples come from, for messages.
     remarks : what was assumed, left out, or does not fit; one sentence each.
+    live : whether samples come as they are recorded: what lies ahead cannot be read, and `length` is no more than where
+        to stop at the latest.
     """
 
     read: Callable[[int, int], np.ndarray]
@@ -37,6 +39,7 @@ class Recording:
     start_time: np.datetime64 | None = None
     source: str = "samples in memory"
     remarks: tuple[str, ...] = ()
+    live: bool = False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.sample_rate) and self.sample_rate > 0):

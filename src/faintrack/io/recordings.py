@@ -177,8 +177,8 @@ def _require_common_time(parts: Sequence[Recording], begins: Sequence[int], ends
 def without_copies(recording: Recording) -> Recording:
     """Recording in which a channel that is a copy of another is missing, with a remark.
 
-    Two copies share their noise, which is what a source looks like. Three stretches are compared; a channel that does
-    not change in them is no copy but dead.
+    Two copies share their noise, which is what a source looks like. Three stretches are compared, of live samples the
+    first; a channel that does not change in them is no copy but dead.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def without_copies(recording: Recording) -> Recording:
     if recording.channels < 2:
         return recording
     size = min(_PROBE, recording.length)
-    places = {0, (recording.length - size) // 2, recording.length - size}
+    places = {0} if recording.live else {0, (recording.length - size) // 2, recording.length - size}
     samples = np.concatenate([recording.read(place, place + size) for place in sorted(places)])
     first: dict[bytes, int] = {}
     copies = {}

@@ -194,7 +194,7 @@ def _louder(labels: set[int], loudest_db: float) -> tuple[str, ...]:
 def _rest(recording: Recording, used: int) -> tuple[str, ...]:
     """What is left out at the end of a recording."""
     rest = (recording.length - used) / recording.sample_rate
-    if not rest:
+    if not rest or recording.live:
         return ()
     return (f"The last {rest:.4g} s of {recording.duration:.6g} s, shorter than a frame, were left out.",)
 

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.array import ArraySection
 from faintrack.scenario.section import Pair, Section
 from faintrack.scenario.sections import AnalysisSection, ManySection, ParticlesSection, TargetSection
@@ -176,6 +177,7 @@ class RecordingScenario(Scenario):
     Attributes
     ----------
     array : positions of the channels, as in a file of its own or the name of one; see `faintrack.scenario.array`.
+    alarm : when `faintrack live` calls someone; see `faintrack.scenario.alarm`.
     """
 
     kind: Literal["recording"] = "recording"
@@ -187,4 +189,5 @@ class RecordingScenario(Scenario):
     filter: GuidedSection = GuidedSection()
     tracker: MethodSection = MethodSection()
     cfar: CfarSection = CfarSection()
+    alarm: Alarms | None = None
     simulation: SimulationSection | None = None
