@@ -238,7 +238,7 @@ def rated(quiet: Real, mean: Real, rate: Real, threshold: float) -> Real:
     --------
     >>> mean = jnp.array([1.0, 17.0])
     >>> [round(float(one), 3) for one in rated(quiet_bin(mean, 8.0), mean, jnp.array(10 * np.exp(-8.0)), 8.0)]
-    [0.0, -2.298]
+    [0.0, -2.301]
     """
     return jnp.log(rate * jnp.exp(quiet) - jnp.expm1(quiet)) - jnp.log(rate) - threshold * (1 - 1 / mean)
 

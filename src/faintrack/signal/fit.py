@@ -65,7 +65,9 @@ class Fit(eqx.Module):
             return ()
         beyond, new = float(self.beyond / self.cells), float(self.new / self.frames)
         said = []
-        if beyond > OFTEN * expected:
+        # Few cells may hold as many by chance: three standard deviations of their number are granted.
+        number = float(self.beyond)
+        if number - 3 * number**0.5 > OFTEN * expected * float(self.cells):
             said.append(
                 f"Without a target {100 * beyond:.2g} % of the cells are above {BEYOND:.1f} deviations, and the "
                 f"background expects {100 * expected:.2g} %: the scene has spikes that it does not know, so existence "
