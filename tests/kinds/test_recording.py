@@ -1,10 +1,13 @@
 """Frame by frame equals all at once, and what a recording holds is told."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import faintrack as ft
 from faintrack import Recording, from_samples, line_array, sensor_array
+from faintrack.kinds import kind_named
 from faintrack.signal.array_background import isotropic
 from faintrack.simulation.samples import Source, draw_samples
 
@@ -77,6 +80,37 @@ def test_a_likelihood_of_one_target_says_so() -> None:
     )
     assert result.scenario.tracker.targets == 1
     assert any("knows of one target" in remark for remark in result.remarks)
+
+
+@pytest.mark.parametrize(
+    ("sources", "factor", "says"),
+    [
+        ([Source(0.0, 0.8)], 1.0, "Channels agree"),
+        ([Source(0.0, 0.8)], -1.0, "Channel 3 seems to have its poles reversed"),
+        ([], 1.0, "No source is heard"),
+    ],
+)
+def test_a_close_look_tells_right_channels_from_wrong_and_from_nothing(
+    sources: list[Source], factor: float, says: str, tmp_path: Path
+) -> None:
+    samples = np.concatenate(list(draw_samples(ARRAY, sources, 8.0, RATE)))
+    samples[:, 3] *= factor
+    file = tmp_path / "night.h5"
+    kind_named("recording").write(file, from_samples(samples, RATE))
+    assert ft.info(file, array=ARRAY, check=True).remarks[-1].startswith(says)
+
+
+def test_what_cannot_be_looked_at_is_an_error(tmp_path: Path) -> None:
+    file = tmp_path / "night.h5"
+    kind_named("recording").write(file, recording(duration=2.0))
+    with pytest.raises(ft.InputError, match="a check needs --array FILE"):
+        ft.info(file, check=True)
+    with pytest.raises(ft.InputError, match="allows at most 500 Hz"):
+        ft.info(file, array=ARRAY, analysis={"band": [10.0, 900.0]}, check=True)
+    frames = tmp_path / "frames.npz"
+    kind_named("frames").write(frames, ft.from_frames(np.zeros((4, 12, 12))))
+    with pytest.raises(ft.InputError, match="nothing to check"):
+        ft.info(frames, check=True)
 
 
 def test_noise_from_all_directions_is_no_source() -> None:

@@ -20,6 +20,7 @@ from faintrack.kinds.scenario import Scenario
 from faintrack.live.keeping import Keeping
 from faintrack.live.run import run
 from faintrack.live.stream import Piece
+from faintrack.live.watch import Watch
 from tests.cli.calling import call
 from tests.live.streams import FRAME, RATE, pieces, recording, samples, scenario, stream
 
@@ -57,6 +58,17 @@ def test_lines_say_what_tracks_are(folder: Path) -> None:
             assert row["bearing_deg_std"] == pytest.approx(float(track.std["bearing"][-1]))
             assert row["existence"] == pytest.approx(float(track.existence[-1]))
     assert scans[-1]["tracks"]
+
+
+def test_a_promise_is_kept_live_too(folder: Path) -> None:
+    what, thresholds = scenario(tracker={"targets": 2, "false_tracks": "1/h"}), set()
+
+    def see(watch: Watch, moment: ft.kinds.door.Moment, event: dict) -> None:
+        thresholds.add(watch.plan.scenario.tracker.declare)
+
+    run(["replay", str(folder / "night.wav")], what, speed=np.inf, see=see)
+    (declare,) = thresholds
+    assert declare == pytest.approx(0.7826, abs=1e-4)
 
 
 def test_a_watch_that_stops_goes_on_with_the_same_bits(folder: Path) -> None:

@@ -29,14 +29,7 @@ from faintrack.bench.several import several_region, several_sea_trial, several_s
 from faintrack.bench.sizes import Sizes
 from faintrack.bench.startup import help_seconds, import_seconds, tenet_seconds
 from faintrack.bench.studies import study_seconds
-from faintrack.bench.targets import (
-    frame_1_target,
-    frame_4_targets,
-    frame_16_targets,
-    recording_1_target,
-    recording_4_targets,
-    recording_16_targets,
-)
+from faintrack.bench.targets import TARGET_ROWS
 from faintrack.errors import InputError
 
 __all__ = ["FOR_GPU", "ROWS", "Row", "Sizes", "chosen", "run"]
@@ -64,12 +57,7 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
         cw_scan_fine,
         cw_scan_moving,
         pixel_frame,
-        recording_1_target,
-        recording_4_targets,
-        recording_16_targets,
-        frame_1_target,
-        frame_4_targets,
-        frame_16_targets,
+        *TARGET_ROWS,
         study_seconds,
         import_seconds,
         help_seconds,

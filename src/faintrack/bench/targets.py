@@ -25,6 +25,10 @@ LEVEL, WIDTH = 6.0, 1.0
 """Of a target in frames: deviations of the noise at its peak; pixels."""
 
 
+Make = Callable[[int, Sizes], tuple[Any, dict[str, Any]]]
+"""Data with so many targets, and sections of their scenario."""
+
+
 def _recording(targets: int, sizes: Sizes) -> tuple[Recording, dict[str, Any]]:
     array = line_array(CHANNELS, 1.5)
     # Evenly in the cosine: lobes of a line are as wide everywhere along it.
@@ -48,47 +52,29 @@ def _frames(targets: int, sizes: Sizes) -> tuple[Sequence, dict[str, Any]]:
 
 
 @functools.cache
-def _timed(make: Callable[[int, Sizes], tuple[Any, dict[str, Any]]], targets: int, sizes: Sizes) -> Timing:
+def _timed(make: Make, targets: int, sizes: Sizes) -> Timing:
     data, sections = make(targets, sizes)
     sections = {**sections, "tracker": {"targets": SLOTS}}
     timing = timed(lambda: track(data, pictures=False, **sections), sizes.repeat_seconds)
     return timing.per(sizes.target_scans)
 
 
-def _row(name: str, make: Callable[[int, Sizes], tuple[Any, dict[str, Any]]], targets: int, sizes: Sizes) -> Row:
-    timing = _timed(make, targets, sizes)
-    note = (
-        f"one of {sizes.target_scans} scans with {targets} targets in {SLOTS} slots, from values in memory to tracks; "
-        "peer: as many runs with one target each; no limit"
-    )
-    return row(name, "ms", timing, note, None, None if targets == 1 else targets * _timed(make, 1, sizes).least)
+def _row(kind: str, make: Make, targets: int) -> Callable[[Machine, Sizes], Row]:
+    def measured(machine: Machine, sizes: Sizes) -> Row:
+        note = (
+            f"one of {sizes.target_scans} scans with {targets} targets in {SLOTS} slots, from values in memory to "
+            "tracks; peer: as many runs with one target each; no limit"
+        )
+        peer = None if targets == 1 else targets * _timed(make, 1, sizes).least
+        return row(measured.__name__, "ms", _timed(make, targets, sizes), note, None, peer)
+
+    measured.__name__ = f"{kind}_{targets}_target{'s' * (targets > 1)}"
+    return measured
 
 
-def recording_1_target(machine: Machine, sizes: Sizes) -> Row:
-    """A second of 32 channels."""
-    return _row("recording_1_target", _recording, 1, sizes)
-
-
-def recording_4_targets(machine: Machine, sizes: Sizes) -> Row:
-    """A second of 32 channels with four sources."""
-    return _row("recording_4_targets", _recording, 4, sizes)
-
-
-def recording_16_targets(machine: Machine, sizes: Sizes) -> Row:
-    """A second of 32 channels with sixteen sources."""
-    return _row("recording_16_targets", _recording, 16, sizes)
-
-
-def frame_1_target(machine: Machine, sizes: Sizes) -> Row:
-    """A frame."""
-    return _row("frame_1_target", _frames, 1, sizes)
-
-
-def frame_4_targets(machine: Machine, sizes: Sizes) -> Row:
-    """A frame with four targets."""
-    return _row("frame_4_targets", _frames, 4, sizes)
-
-
-def frame_16_targets(machine: Machine, sizes: Sizes) -> Row:
-    """A frame with sixteen targets."""
-    return _row("frame_16_targets", _frames, 16, sizes)
+TARGET_ROWS = tuple(
+    _row(kind, make, targets)
+    for kind, make in {"recording": _recording, "frame": _frames}.items()
+    for targets in (1, 4, SLOTS)
+)
+"""A scan of each kind with one target, four, and as many as there are slots."""

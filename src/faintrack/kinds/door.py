@@ -254,9 +254,9 @@ def info(
     """
     given = {**sections, **({} if kind is None else {"kind": kind})}
     found, data, complete = opened(paths, scenario, given, reading=True)
-    remarks = (*getattr(data, "remarks", ()), *(() if complete is None else _checked(found, data, complete, check)))
-    if check and complete is None:
-        raise InputError(f"{found.name}: a check needs {' '.join(found.needs) or 'a scenario'}.")
+    remarks = (*getattr(data, "remarks", ()), *(() if complete is None else _checked(found, data, complete)))
+    if check:
+        remarks = (*remarks, *_closely(found, data, complete))
     files = " ".join(map(str, _paths(paths)))
     needed = "" if isinstance(scenario, str | Path) is False else f" --scenario {scenario}"
     if not needed and found.needs:
@@ -264,17 +264,22 @@ def info(
     return Info(found.name, found.describe(data), tuple(dict.fromkeys(remarks)), f"faintrack track {files}{needed}")
 
 
-def _checked(kind: Kind, data: Any, scenario: Scenario, closely: bool) -> tuple[str, ...]:
-    """What a scenario cannot tell of data, or why it does not fit them; where asked, what a close look finds."""
+def _checked(kind: Kind, data: Any, scenario: Scenario) -> tuple[str, ...]:
+    """What a scenario cannot tell of data, or why it does not fit them."""
     try:
-        plan = kind.plan(data, scenario)
+        return kind.plan(data, scenario).checks
     except InputError as error:
         return (str(error),)
-    if not closely:
-        return plan.checks
-    if plan.check is None:
+
+
+def _closely(kind: Kind, data: Any, scenario: Scenario | None) -> tuple[str, ...]:
+    """What a close look at the sensor finds."""
+    if scenario is None and kind.needs:
+        raise InputError(f"{kind.name}: a check needs {' '.join(kind.needs)}.")
+    check = None if scenario is None else kind.plan(data, scenario).check
+    if check is None:
         raise InputError(f"{kind.name}: there is nothing to check; expected a recording of an array.")
-    return (*plan.checks, *plan.check())
+    return check()
 
 
 def read_result(folder: str | Path) -> Result:

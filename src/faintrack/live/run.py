@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from faintrack.errors import InputError
+from faintrack.kinds import kind_named
 from faintrack.kinds.door import Moment
+from faintrack.kinds.promise import keeping as promised
 from faintrack.live.alarms import AlarmBell, restored
 from faintrack.live.bytestream import Raw, now
 from faintrack.live.keeping import PART, Keeping, Since
@@ -63,6 +65,7 @@ def run(
     stop = threading.Event() if stop is None else stop
     if scenario.array is None:
         raise InputError("no array was given; expected --array FILE, or [array] in the scenario.")
+    scenario = promised(kind_named("recording"), scenario)
     secrets = {str(rule.secret_file): secret_of(rule.secret_file) for rule in scenario.alarm or () if rule.secret_file}
     with ExitStack() as held:
         keeping = None if out is None else held.enter_context(Keeping(out, part))

@@ -90,21 +90,10 @@ def doubts(grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequenc
     >>> [(doubt.channels, doubt.factor) for doubt in doubts(grid, waves)]
     [((3,), -1.0)]
     """
-    array = grid.array
-    assert array is not None
-    alive = np.flatnonzero(array.alive)
-    # A frame that lacks a channel tells nothing of it.
-    whole = np.flatnonzero(np.all(np.any(spectra[..., alive], axis=(1, 2)), axis=1))
-    if not 3 <= len(alive) <= LARGEST or not len(whole):
+    looked_at = _looked_at(grid, spectra)
+    if looked_at is None:
         return []
-    bearing = np.asarray(grid.bearing)[:: max(1, -(-grid.beams // BEARINGS))]
-    bins = grid.frequency.size
-    room = max(1, POINTS // (spectra.shape[1] * len(bearing)))
-    frequencies = max(min(bins, 8), min(bins, room // len(whole)))
-    frames, few = whole[_spread(len(whole), room // frequencies)], _spread(bins, frequencies)
-    received = np.asarray(spectra[frames][:, :, few][..., alive], np.complex64)
-    delays = np.asarray(array.delays(bearing))[:, alive]
-    steering = np.exp(2j * np.pi * grid.frequency[few, None, None] * delays).astype(np.complex64)
+    received, steering, alive = looked_at
     found: list[Doubt] = []
     while len(found) < SEVERAL:
         doubt = _likeliest(received, steering, grid.independent)
@@ -113,6 +102,38 @@ def doubts(grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequenc
         received = _changed(received, doubt.channels, doubt.factor)
         found.append(replace(doubt, channels=tuple(int(alive[number]) for number in doubt.channels)))
     return found
+
+
+def evidence(grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"]) -> float:
+    """Evidence of a source in some frames, by which `doubts` judges; nats. 0 where channels cannot be judged.
+
+    Parameters
+    ----------
+    grid, spectra : as of `doubts`.
+    """
+    looked_at = _looked_at(grid, spectra)
+    return 0.0 if looked_at is None else _evidence_of(looked_at[0], looked_at[1], grid.independent)
+
+
+def _looked_at(
+    grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Spectra, steering vectors and numbers of the channels in use; None where they are too few or too many."""
+    array = grid.array
+    assert array is not None
+    alive = np.flatnonzero(array.alive)
+    # A frame that lacks a channel tells nothing of it.
+    whole = np.flatnonzero(np.all(np.any(spectra[..., alive], axis=(1, 2)), axis=1))
+    if not 3 <= len(alive) <= LARGEST or not len(whole):
+        return None
+    bearing = np.asarray(grid.bearing)[:: max(1, -(-grid.beams // BEARINGS))]
+    bins = grid.frequency.size
+    room = max(1, POINTS // (spectra.shape[1] * len(bearing)))
+    frequencies = max(min(bins, 8), min(bins, room // len(whole)))
+    frames, few = whole[_spread(len(whole), room // frequencies)], _spread(bins, frequencies)
+    received = np.asarray(spectra[frames][:, :, few][..., alive], np.complex64)
+    delays = np.asarray(array.delays(bearing))[:, alive]
+    return received, np.exp(2j * np.pi * grid.frequency[few, None, None] * delays).astype(np.complex64), alive
 
 
 def _spread(count: int, room: int) -> np.ndarray:

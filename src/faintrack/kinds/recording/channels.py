@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from faintrack.kinds.checks import about_channels
 from faintrack.signal.beamformer import Beamformer
-from faintrack.signal.channels import doubts
+from faintrack.signal.channels import LEAST, doubts, evidence
 
 FRAMES = 24
 """Frames that are looked at, at most."""
@@ -50,7 +50,23 @@ class LoudFrames:
 
     def remarks(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Sentences about channels, by their names."""
+        spectra = self._spectra()
+        return () if spectra is None else about_channels(names, doubts(self.plan.grid, spectra))
+
+    def checked(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """As `remarks`, and where there is nothing to say, whether there was anything to tell it by."""
+        found, spectra = self.remarks(names), self._spectra()
+        if found:
+            return found
+        nats = 0.0 if spectra is None else evidence(self.plan.grid, spectra)
+        if nats < LEAST:
+            return ("No source is heard in the frames that were looked at: channels cannot be told right from wrong.",)
+        return (
+            f"Channels agree: with no other polarity, gain or order a source ({nats:.0f} nats) is heard much better.",
+        )
+
+    def _spectra(self) -> np.ndarray | None:
         if not self._frames:
-            return ()
+            return None
         samples = np.stack([frame for _, _, frame in self._frames])
-        return about_channels(names, doubts(self.plan.grid, np.asarray(self.plan.spectra(jnp.asarray(samples)))))
+        return np.asarray(self.plan.spectra(jnp.asarray(samples)))

@@ -144,11 +144,9 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
 
     def check() -> tuple[str, ...]:
         spread = LoudFrames(beamformer)
-        for number in np.unique(np.linspace(0, count - 1, FRAMES).round().astype(int)):
+        for number in np.unique(np.linspace(0, count - 1, FRAMES).round().astype(int)).tolist():
             spread.take(number, read(number, number + 1)[1], np.zeros((1, 1)))
-        return spread.remarks(recording.channel_names) or (
-            "With no other polarity, gain or order of its channels the array hears a source much better.",
-        )
+        return spread.checked(recording.channel_names)
 
     def remarks() -> tuple[str, ...]:
         return (
