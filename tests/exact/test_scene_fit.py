@@ -10,7 +10,7 @@ from faintrack.signal.fit import BEYOND, nothing_seen
 
 def said(values: np.ndarray, independent: float, expected: float = 1e-3) -> tuple[str, ...]:
     fit = nothing_seen().seen(jnp.asarray(values), jnp.full(values.shape, independent))
-    return fit.sentences(expected)
+    return (*fit.misfits(expected), *fit.remarks())
 
 
 def test_the_limit_is_the_quantile_of_the_tails() -> None:
@@ -20,7 +20,7 @@ def test_the_limit_is_the_quantile_of_the_tails() -> None:
 def test_what_fits_is_not_mentioned() -> None:
     noise = np.random.default_rng(0).standard_t(10.0, size=(300, 300)) * 0.8**0.5
     assert said(noise, 0.5) == ()
-    assert nothing_seen().sentences(1e-3) == ()
+    assert nothing_seen().misfits(1e-3) == nothing_seen().remarks() == ()
     assert said(np.full((4, 4), np.nan), 0.01) == ()
 
 

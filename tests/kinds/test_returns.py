@@ -104,13 +104,13 @@ def test_a_target_is_found_in_louder_noise() -> None:
 def test_a_background_that_is_not_learnt_is_told_where_it_does_not_fit() -> None:
     noise = louder(3.0, present=False)
     result = ft.track(noise, scenario(background={"learn": False}, tracker={"declare": 1.0 - 1e-12}))
-    assert any("existence may be wrong, expected background.learn" in remark for remark in result.remarks)
+    assert any("existence may be wrong, expected background.learn" in misfit for misfit in result.misfits)
     assert "tail_shape" not in result.data
 
 
 def test_what_is_chosen_of_the_bins_is_saved(followed: Result) -> None:
     assert followed.scenario.background.every == (1, 1, 1)
-    assert followed.remarks == ()
+    assert followed.remarks == followed.misfits == ()
     coarse = ft.track(drawn(), scenario(background={"every": [2, 1, 1]}))
     assert coarse.scenario.background.every == (2, 1, 1)
 

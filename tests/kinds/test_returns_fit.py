@@ -13,8 +13,8 @@ THRESHOLD, BINS, PINGS = 6.0, 64_000, 20
 EXPECTED = BINS * np.exp(-THRESHOLD)
 
 
-def told(returns: float, excess: float, learnt: bool = True, tracked: bool = False) -> tuple[str, ...]:
-    """Remarks on pings with so many returns on average, whose excess has this mean."""
+def fit_after(returns: float, excess: float, learnt: bool = True, tracked: bool = False) -> FitOfPings:
+    """Fit after pings with so many returns on average, whose excess has this mean."""
     rng = np.random.default_rng(0)
     counts = rng.poisson(returns, PINGS)
     ranks = np.array(
@@ -22,32 +22,38 @@ def told(returns: float, excess: float, learnt: bool = True, tracked: bool = Fal
     )
     fit = FitOfPings(BINS, THRESHOLD, learnt)
     fit.add(Fit(jnp.asarray(ranks), jnp.zeros(PINGS), jnp.zeros(PINGS)), counts, np.full(PINGS, tracked))
-    return fit.remarks()
+    return fit
 
 
 def test_the_model_s_own_noise_is_not_remarked() -> None:
-    assert told(EXPECTED, 1.0) == ()
+    fit = fit_after(EXPECTED, 1.0)
+    assert fit.remarks() == fit.misfits() == ()
 
 
 def test_a_number_of_returns_that_is_not_the_model_s_is_told() -> None:
     """Noise of mean 1.5 exceeds 6 with the probability e^-4."""
-    (remark,) = told(BINS * np.exp(-4.0), 1.0)
+    fit = fit_after(BINS * np.exp(-4.0), 1.0)
+    (remark,) = fit.remarks()
     assert "as if it were +1.8 dB" in remark
     assert "it was learnt" in remark
-    (remark,) = told(BINS * np.exp(-4.0), 1.0, learnt=False)
-    assert "existence may be wrong, expected background.learn" in remark
+    assert fit.misfits() == ()
+    fit = fit_after(BINS * np.exp(-4.0), 1.0, learnt=False)
+    (misfit,) = fit.misfits()
+    assert "existence may be wrong, expected background.learn" in misfit
+    assert fit.remarks() == ()
 
 
 @pytest.mark.parametrize(("excess", "side"), [(2.0, "more"), (0.5, "fewer")])
 def test_an_excess_that_does_not_fit_is_told(excess: float, side: str) -> None:
     """A tenth lies beyond e^-y = 0.1 where the mean is 1, 32 % where it is 2, 1 % where it is a half."""
-    (remark,) = told(EXPECTED, excess)
-    assert f"{side} than fit: existence may be wrong" in remark
-    assert f"{100 * 0.1 ** (1 / excess):.1g}"[0] in remark.split("track ")[1][:3]
+    (misfit,) = fit_after(EXPECTED, excess).misfits()
+    assert f"{side} than fit: existence may be wrong" in misfit
+    assert f"{100 * 0.1 ** (1 / excess):.1g}"[0] in misfit.split("track ")[1][:3]
 
 
 def test_pings_with_a_track_do_not_count() -> None:
-    assert told(10 * EXPECTED, 3.0, tracked=True) == ()
+    fit = fit_after(10 * EXPECTED, 3.0, tracked=True)
+    assert fit.remarks() == fit.misfits() == ()
 
 
 def test_ranks_are_tenths_of_the_excess() -> None:

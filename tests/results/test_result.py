@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import faintrack as ft
+from faintrack.results.report import track_rows
 from faintrack.results.schema import estimated, planar
 from faintrack.results.tables import state_columns, state_rows, to_stonesoup, track_columns, write_geojson
 from faintrack.results.track import tracks_of
@@ -34,14 +36,27 @@ def test_saved_and_read_it_is_the_same(kind: str, saved: dict[str, Path]) -> Non
     one, folder = result(kind), saved[kind]
     again = ft.read_result(folder)
     xr.testing.assert_identical(again.data.load(), one.data)
-    assert (again.kind, again.scenario, again.seconds, again.remarks) == (
+    assert (again.kind, again.scenario, again.seconds, again.remarks, again.misfits) == (
         one.kind,
         one.scenario,
         one.seconds,
         one.remarks,
+        one.misfits,
     )
     assert again.summary() == one.summary()
     assert (folder / "report.html").exists()
+
+
+@SMALL
+def test_existence_is_not_shown_as_certain_where_the_model_does_not_fit(kind: str, tmp_path: Path) -> None:
+    one = replace(result(kind), misfits=("Noise has <spikes>.",))
+    text = one.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "<li>Noise has &lt;spikes&gt;.</li>" in text
+    assert "<td>unsure</td>" in text
+    (row,) = track_rows(one)
+    assert row[-1] == "unsure"
+    assert one.summary()["misfits"] == ["Noise has <spikes>."]
+    assert track_rows(result(kind))[0][-1] == f"{one.tracks[0].existence_max:.4f}"
 
 
 @SMALL

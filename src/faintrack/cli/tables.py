@@ -21,6 +21,8 @@ def print_result(result: Result, said: Sequence[str] = ()) -> None:
     if "known" in result.data.sizes:
         _print(*finding_table(result.data), text=("target",))
         print(f"tracks of no known target: {len(unexplained(result.data))}")
+    for misfit in result.misfits:
+        print(f"misfit     {misfit}")
     for remark in result.remarks:
         if remark not in said:
             print(f"remark     {remark}")

@@ -151,12 +151,13 @@ def track(
     if out is None:
         held = [block if pictures else block.drop_vars(PICTURES, errors="ignore") for block in blocks]
         found = joined(held)
-        return Result(found, plan.scenario, kind, clock.perf_counter() - start, _remarks(kind, data, plan, found))
+        seconds = clock.perf_counter() - start
+        return Result(found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found), plan.misfits())
     with result_folder(out) as folder:
         write_blocks(folder, blocks)
         seconds = clock.perf_counter() - start
         found = open_blocks(folder)
-        result = Result(found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found))
+        result = Result(found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found), plan.misfits())
         write_rest(folder, result)
     return _reported(read_result(out), Path(out) / "report.html")
 
@@ -290,8 +291,8 @@ def read_result(folder: str | Path) -> Result:
     InputError : the folder is missing, or is no whole result.
     """
     data, about = read_folder(folder)
-    scenario = Scenario.read(Path(folder) / "scenario.toml")
-    return Result(data, scenario, kind_named(about["kind"], folder), about["seconds"], about["remarks"])
+    scenario, kind = Scenario.read(Path(folder) / "scenario.toml"), kind_named(about["kind"], folder)
+    return Result(data, scenario, kind, about["seconds"], about["remarks"], about["misfits"])
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,9 @@ class Plan:
     within : how near a track must be to a known target to be one of it, in the unit of the place.
     limits : ends of each component of the place between which known targets count; everywhere where None.
     checks : what the set-up cannot tell or does not fit, known before the run; one sentence each.
-    remarks : gives, at the end, what was left out, assumed or does not fit; one sentence each.
+    remarks : gives, at the end, what was left out or assumed; one sentence each.
+    misfits : gives, at the end, where the data are not as the model has them, so that existence is not certain; one
+        sentence each.
     check : looks closely at the sensor without a run; one sentence each. None where there is nothing to look at.
     close : function of the last state to what is known at the end, without a time axis; None where there is nothing.
     """
@@ -69,6 +71,7 @@ class Plan:
     limits: dict[str, tuple[float, float]] | None = None
     checks: tuple[str, ...] = ()
     remarks: Callable[[], tuple[str, ...]] = tuple
+    misfits: Callable[[], tuple[str, ...]] = tuple
     check: Callable[[], tuple[str, ...]] | None = None
     close: Callable[[Any], xr.Dataset] | None = None
 

@@ -231,7 +231,7 @@ class Keeping:
             write_blocks(folder, blocks())
             seconds = time.monotonic() - begun
             kind = kind_named("recording")
-            write_rest(folder, Result(open_blocks(folder), plan.scenario, kind, seconds, remarks()))
+            write_rest(folder, Result(open_blocks(folder), plan.scenario, kind, seconds, remarks(), plan.misfits()))
         self._whole = True
         return self.folder / name
 

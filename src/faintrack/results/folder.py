@@ -200,7 +200,8 @@ def write_rest(folder: Path, result: Result) -> None:
     """Write scenario, facts of the run and tables beside the data of a result."""
     data = result.data
     (folder / "scenario.toml").write_text(to_toml(result.scenario), encoding="utf-8")
-    about = {"kind": result.kind.name, "seconds": result.seconds, "remarks": list(result.remarks), **versions()}
+    about = {"kind": result.kind.name, "seconds": result.seconds, "remarks": list(result.remarks)}
+    about |= {"misfits": list(result.misfits), **versions()}
     (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
     write_states(folder / "states.csv", data)
     write_tracks(folder / "tracks.csv", data)
@@ -256,6 +257,7 @@ def read_folder(folder: str | Path) -> tuple[xr.Dataset, dict[str, Any]]:
             "kind": str(about["kind"]),
             "seconds": float(about["seconds"]),
             "remarks": tuple(str(remark) for remark in about.get("remarks", ())),
+            "misfits": tuple(str(misfit) for misfit in about.get("misfits", ())),
         }
         data = open_blocks(folder)
         for name in ("existence", "label", "track_existence", "covariance"):

@@ -7,6 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
+from faintrack.results.result import Result
 from faintrack.results.schema import units
 from faintrack.results.track import Track, tracks_of
 
@@ -53,19 +54,20 @@ def draw_paths(axes: Axes, data: xr.Dataset, across: str, up: str, deviations: b
         mark_label(axes, track.label, (x[0], y[0]), None if deviations else 8)
 
 
-def draw_existence(axes: Axes, data: xr.Dataset, declare: float, drop: float) -> None:
+def draw_existence(axes: Axes, result: Result) -> None:
     """Probability of existence in each slot, with the thresholds that begin and end a track."""
+    data, tracker = result.data, result.scenario.tracker
     existence = data.existence.values
     for slot in range(existence.shape[1]):
         if np.any(existence[:, slot] > 0):
             axes.plot(data.time, existence[:, slot], color=LINE, linewidth=1.2)
-    for name, level in (("declare", declare), ("drop", drop)):
+    for name, level in (("declare", tracker.declare), ("drop", tracker.drop)):
         axes.axhline(level, color=GREY, linestyle="--", linewidth=0.8)
         axes.text(
             0.003, level - 0.09, f"{name} {level:g}", transform=axes.get_yaxis_transform(), fontsize=8, color=GREY
         )
     axes.set_ylim(-0.02, 1.05)
-    axes.set_ylabel("probability of\nexistence")
+    axes.set_ylabel("probability of\nexistence" + (", unsure" if result.misfits else ""))
     axes.grid(alpha=0.3)
 
 

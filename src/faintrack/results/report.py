@@ -28,6 +28,9 @@ th { text-align: right; font-weight: 600; } pre { background: #f5f5f5; padding: 
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 0.1rem 1.2rem; } dt { color: #555; } dd { margin: 0; }
 """
 
+UNSURE = "unsure"
+"""Shown for existence where data are not as the model has them."""
+
 
 def track_headings(result: Result) -> list[tuple[str, str, str]]:
     """What a table shows of tracks: name in `Track.summary`, heading, format."""
@@ -57,7 +60,9 @@ def track_headings(result: Result) -> list[tuple[str, str, str]]:
 def track_rows(result: Result) -> list[list[str]]:
     """Rows of a table of tracks, as `track_headings` names their columns."""
     headings = track_headings(result)
-    return [[_text(row[name], form) for name, _, form in headings] for row in (t.summary() for t in result.tracks)]
+    unsure = {"existence_max": UNSURE} if result.misfits else {}
+    rows = ({**track.summary(), **unsure} for track in result.tracks)
+    return [[_text(row[name], form) for name, _, form in headings] for row in rows]
 
 
 def track_table(result: Result) -> str:
@@ -108,19 +113,22 @@ def report(result: Result) -> str:
     files = str(result.data.attrs["source"]).split(" and ")
     name = html.escape(" and ".join(Path(file).name for file in files))
     shown = html.escape(result.kind.shown)
-    remarks = "".join(f"<li>{html.escape(remark)}</li>" for remark in result.remarks)
-    remarks = f"<h2>Assumed, left out</h2><ul>{remarks}</ul>" if remarks else ""
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>faintrack: {name}</title><style>{STYLE}</style></head><body>
 <h1>{_count(len(result.tracks))} in {name}</h1>
-<dl>{rows}</dl>{remarks}
+<dl>{rows}</dl>{_listed("Not as the model has it", result.misfits)}{_listed("Assumed, left out", result.remarks)}
 <h2>Tracks</h2>{track_table(result)}{_truth(result)}
 <h2>{shown}</h2>
 <img alt="{shown}, with the tracks" src="{_picture(result)}">
 <h2>Scenario</h2><details><summary>What was run</summary><pre>{html.escape(to_toml(result.scenario))}</pre></details>
 </body></html>
 """
+
+
+def _listed(heading: str, sentences: Sequence[str]) -> str:
+    items = "".join(f"<li>{html.escape(sentence)}</li>" for sentence in sentences)
+    return f"<h2>{heading}</h2><ul>{items}</ul>" if items else ""
 
 
 def _truth(result: Result) -> str:
@@ -148,6 +156,8 @@ def _short(unit: str) -> str:
 
 
 def _text(value: Any, form: str) -> str:
+    if isinstance(value, str):
+        return value
     return "" if isinstance(value, float) and math.isnan(value) else format(value, form)
 
 

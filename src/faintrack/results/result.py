@@ -27,7 +27,9 @@ class Result:
     scenario : what was run.
     kind : of the data, a `faintrack.kinds.kind.Kind`: it knows the facts and the picture.
     seconds : that the run took.
-    remarks : what was assumed, left out or does not fit; one sentence each.
+    remarks : what was assumed or left out; one sentence each.
+    misfits : where the data are not as the model has them; one sentence each. Where there is one, the numbers of
+        existence are the model's, and not to be taken for certain.
     """
 
     data: xr.Dataset
@@ -35,6 +37,7 @@ class Result:
     kind: Any
     seconds: float
     remarks: tuple[str, ...] = field(default=())
+    misfits: tuple[str, ...] = field(default=())
 
     @cached_property
     def tracks(self) -> list[Track]:
@@ -90,7 +93,8 @@ class Result:
         `scans` is their number, `scan_interval` the time between them in seconds, `seconds` what the run took,
         `realtime_factor` the length of the data over it. Kinds count further: `masked_scans`, in which a channel was
         left out; `full_scans`, in which a target was found and no slot was free. `false_tracks` is what was promised
-        and is expected of them (`faintrack.scenario.promise.Promise`), or None.
+        and is expected of them (`faintrack.scenario.promise.Promise`), or None. Where there are `misfits`, existence is
+        the model's, and not certain.
         """
         scans, interval = self.data.sizes["time"], float(self.data.attrs["scan_interval"])
         counts = {
@@ -109,6 +113,7 @@ class Result:
             "false_tracks": None if promise is None else promise.as_dict(),
             **counts,
             "remarks": list(self.remarks),
+            "misfits": list(self.misfits),
         }
 
     def _repr_html_(self) -> str:

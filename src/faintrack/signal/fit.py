@@ -3,7 +3,7 @@
 A likelihood ratio is worth what its denominator is. The residuals of a frame are tens of thousands of values, nearly
 all of them without a target, so what share of them lies above `BEYOND` deviations is known well, and so is the share of
 what they say that is new (`faintrack.signal.independence`). Where either is far from what the likelihood takes for
-granted, `Fit.sentences` says so, with the likely reason and the remedy.
+granted, `Fit.misfits` and `Fit.remarks` say so, with the likely reason and the remedy.
 """
 
 import equinox as eqx
@@ -34,7 +34,7 @@ class Fit(eqx.Module):
     --------
     >>> import jax
     >>> spiky = jax.random.t(jax.random.key(0), 2.5, (100, 100))
-    >>> print(nothing_seen().seen(spiky, jnp.ones((100, 100))).sentences(0.001)[0][:55])
+    >>> print(nothing_seen().seen(spiky, jnp.ones((100, 100))).misfits(0.001)[0][:55])
     Without a target 2.3 % of the cells are above 3.7 devia
     """
 
@@ -54,8 +54,8 @@ class Fit(eqx.Module):
             self.new + jnp.where(some, jnp.mean(independent), 0),
         )
 
-    def sentences(self, expected: float) -> tuple[str, ...]:
-        """What does not fit; one sentence each.
+    def misfits(self, expected: float) -> tuple[str, ...]:
+        """Why existence is too high; one sentence each.
 
         Parameters
         ----------
@@ -63,22 +63,24 @@ class Fit(eqx.Module):
         """
         if not self.frames:
             return ()
-        beyond, new = float(self.beyond / self.cells), float(self.new / self.frames)
-        said = []
         # Few cells may hold as many by chance: three standard deviations of their number are granted.
         number = float(self.beyond)
-        if number - 3 * number**0.5 > OFTEN * expected * float(self.cells):
-            said.append(
-                f"Without a target {100 * beyond:.2g} % of the cells are above {BEYOND:.1f} deviations, and the "
-                f"background expects {100 * expected:.2g} %: the scene has spikes that it does not know, so existence "
-                "is too high; count false tracks on frames without a target and raise tracker.declare."
-            )
-        if new < NEW:
-            said.append(
-                f"Only {100 * new:.2g} % of what a frame says is new: frames come faster than the scene changes, or "
-                "were averaged, so targets are declared late; give fewer frames, or a shorter frames.memory."
-            )
-        return tuple(said)
+        if number - 3 * number**0.5 <= OFTEN * expected * float(self.cells):
+            return ()
+        return (
+            f"Without a target {100 * float(self.beyond / self.cells):.2g} % of the cells are above {BEYOND:.1f} "
+            f"deviations, and the background expects {100 * expected:.2g} %: the scene has spikes that it does not "
+            "know, so existence is too high; count false tracks on frames without a target and raise tracker.declare.",
+        )
+
+    def remarks(self) -> tuple[str, ...]:
+        """Why targets are declared late; one sentence each."""
+        if not self.frames or (new := float(self.new / self.frames)) >= NEW:
+            return ()
+        return (
+            f"Only {100 * new:.2g} % of what a frame says is new: frames come faster than the scene changes, or were "
+            "averaged, so targets are declared late; give fewer frames, or a shorter frames.memory.",
+        )
 
 
 def nothing_seen() -> Fit:

@@ -33,7 +33,7 @@ def draw(result: Result) -> Figure:
     existence.sharex(reported)
     points = draw_reported(reported, result.data)
     figure.colorbar(points, ax=reported, label="probability that the\nbearing is the target's", pad=0.01)
-    draw_existence(existence, result.data, result.scenario.tracker.declare, result.scenario.tracker.drop)
+    draw_existence(existence, result)
     existence.set_xlabel("time from the first scan (s)")
     draw_place(place, result.data)
     return figure

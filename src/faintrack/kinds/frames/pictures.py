@@ -41,7 +41,7 @@ def draw(result: Result) -> Figure:
             draw_paths(axes, data, "time", names[0])
     else:
         draw_snapshots(figure, rows, data)
-    draw_existence(below[0], data, result.scenario.tracker.declare, result.scenario.tracker.drop)
+    draw_existence(below[0], result)
     for axes, name in zip(below[1:], names, strict=True):
         draw_component(axes, data, name)
     below[-1].set_xlabel("time from the first frame (s)")

@@ -33,7 +33,8 @@ from faintrack.kinds.several import Tracker, with_targets
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import HALF, Component, estimated
 from faintrack.sensors.cells import Cells, CellScan, cell_surface
-from faintrack.signal.scans import Background, Scene
+from faintrack.signal.fit import Fit
+from faintrack.signal.scans import Background, OverScene, Scene
 from faintrack.trackers.with_scene import with_scene
 
 BLOCK_BYTES = 8 * 2**20
@@ -127,11 +128,12 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         times = sequence.times[start : start + len(block[0])] - sequence.times[0]
         return _dataset(times, estimates, pictures, sequence)
 
-    misfits: list[str] = []
+    expected = TAILS[scenario.cells.amplitude or "student"] if isinstance(background, OverScene) else 0.0
+    fit: list[Fit] = []
 
     def close(state: tuple[Any, Any, Array]) -> xr.Dataset:
         if isinstance(state[0], Scene):
-            misfits[:] = state[0].fit.sentences(TAILS[scenario.cells.amplitude or "student"])
+            fit[:] = [state[0].fit]
         shown = np.concatenate([sequence.read(number, number + 1) for number in snapshots.tolist()]).astype(np.float32)
         return _snapshots(sequence.times[snapshots] - sequence.times[0], shown, np.asarray(state[2]), sequence)
 
@@ -144,7 +146,8 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         length=sequence.length,
         size=int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, min(LONGEST_BLOCK, sequence.length))),
         seed=scenario.filter.seed,
-        remarks=lambda: (*clean.remarks(), *misfits),
+        remarks=lambda: (*clean.remarks(), *(said for seen in fit for said in seen.remarks())),
+        misfits=lambda: tuple(said for seen in fit for said in seen.misfits(expected)),
         within=NEAR_CELLS * min(axis.step for _, axis in sequence.axes),
         close=close if images else None,
     )

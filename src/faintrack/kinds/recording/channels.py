@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from faintrack.kinds.checks import about_channels
 from faintrack.signal.beamformer import Beamformer
-from faintrack.signal.channels import LEAST, doubts, evidence
+from faintrack.signal.channels import LEAST, evidence
+from faintrack.signal.channels import doubts as doubts_of
 
 FRAMES = 24
 """Frames that are looked at, at most."""
@@ -48,14 +49,14 @@ class LoudFrames:
             elif each[:2] > self._frames[0][:2]:
                 heapq.heapreplace(self._frames, (*each[:2], frame.copy()))
 
-    def remarks(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Sentences about channels, by their names."""
+    def doubts(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Sentences about channels that are not as the array says, by their names."""
         spectra = self._spectra()
-        return () if spectra is None else about_channels(names, doubts(self.plan.grid, spectra))
+        return () if spectra is None else about_channels(names, doubts_of(self.plan.grid, spectra))
 
     def checked(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """As `remarks`, and where there is nothing to say, whether there was anything to tell it by."""
-        found, spectra = self.remarks(names), self._spectra()
+        """As `doubts`, and where there is nothing to say, whether there was anything to tell it by."""
+        found, spectra = self.doubts(names), self._spectra()
         if found:
             return found
         nats = 0.0 if spectra is None else evidence(self.plan.grid, spectra)

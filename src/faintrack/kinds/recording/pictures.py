@@ -18,7 +18,7 @@ def draw(result: Result) -> Figure:
     draw_record(record, result.data)
     figure.colorbar(record.images[0], ax=record, label="beam power over\nsum of channels (dB)", pad=0.01)
     draw_paths(record, result.data, "time", "bearing", deviations=True)
-    draw_existence(existence, result.data, result.scenario.tracker.declare, result.scenario.tracker.drop)
+    draw_existence(existence, result)
     draw_component(snr, result.data, "snr_db", TRACK, deviations=1)
     snr.set_ylabel("SNR at one\nchannel (dB)")
     snr.set_xlabel("time from the start of the recording (s)")

@@ -153,7 +153,6 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
             *clean.remarks(),
             *_rest(recording, count * length),
             *_louder(ends - {0}, loudest_db),
-            *loud.remarks(recording.channel_names),
         )
 
     return Plan(
@@ -174,6 +173,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
             *about_levels(CleanRecording(recording).recording, array),
         ),
         remarks=remarks,
+        misfits=lambda: loud.doubts(recording.channel_names),
         check=check,
         within=math.degrees(lobe_width(array, float(beamformer.grid.frequency[-1]))),
     )

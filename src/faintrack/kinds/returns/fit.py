@@ -79,27 +79,29 @@ class FitOfPings:
         self._shape = float(np.asarray(fits.shape)[-1])
 
     def remarks(self) -> tuple[str, ...]:
-        """What does not fit; one sentence each."""
+        """What was learnt; one sentence each."""
+        return self._of_rate() if self._learnt else ()
+
+    def misfits(self) -> tuple[str, ...]:
+        """Why existence may be wrong; one sentence each."""
         if not self._returns:
             return ()
-        expected = self._modelled * self._pings
-        told = []
-        if abs(self._returns - expected) > max(OFF * expected, DEVIATIONS * np.sqrt(expected)):
-            told.append(self._of_rate(expected))
         share = self._ranks[0] / self._returns
         deviation = np.sqrt(0.1 * 0.9 / self._returns)
-        if abs(share - 0.1) > max(OFF * 0.1, DEVIATIONS * deviation):
-            told.append(self._of_excess(share))
-        return tuple(told)
+        off = abs(share - 0.1) > max(OFF * 0.1, DEVIATIONS * deviation)
+        return (*(() if self._learnt else self._of_rate()), *((self._of_excess(share),) if off else ()))
 
-    def _of_rate(self, expected: float) -> str:
+    def _of_rate(self) -> tuple[str, ...]:
+        expected = self._modelled * self._pings
+        if not self._returns or abs(self._returns - expected) <= max(OFF * expected, DEVIATIONS * np.sqrt(expected)):
+            return ()
         level = self._threshold / -np.log(min(self._returns / self._pings / self._bins, 0.5))
         tail = f" with a tail of shape {self._shape:.2g}" if self._learnt and self._shape >= 0.01 else ""
         then = "it was learnt" if self._learnt else "existence may be wrong, expected background.learn"
         return (
             f"Pings without a track have {self._returns / self._pings:.4g} returns, where noise of mean 1 gives "
             f"{expected / self._pings:.4g}: as if it were {10 * np.log10(level):+.2g} dB{tail}. A level that is not 1, "
-            f"reverberation, clutter or a normaliser make that; {then}."
+            f"reverberation, clutter or a normaliser make that; {then}.",
         )
 
     def _of_excess(self, share: float) -> str:

@@ -55,7 +55,7 @@ def draw(result: Result) -> Figure:
     figure.legend(handles=_legend(), loc="outside upper center", ncols=6, fontsize=8, frameon=False)
     existence = figure.add_subplot(rows[-2, :])
     returns = figure.add_subplot(rows[-1, :], sharex=existence)
-    draw_existence(existence, data, result.scenario.tracker.declare, result.scenario.tracker.drop)
+    draw_existence(existence, result)
     existence.plot(data.snapshot, np.full(data.sizes["snapshot"], -0.02), "^", color=GREY, markersize=5, clip_on=False)
     draw_counts(returns, result)
     returns.set_xlabel("time from the first ping (s); the triangles mark the maps")

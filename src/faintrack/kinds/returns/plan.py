@@ -163,6 +163,7 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         limits={"x": scenario.grid.x, "y": scenario.grid.y},
         checks=about_bins(every, scenario.background.every is None),
         remarks=fit.remarks,
+        misfits=fit.misfits,
         close=close,
     )
 

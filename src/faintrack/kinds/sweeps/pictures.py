@@ -23,11 +23,11 @@ def draw(result: Result) -> Figure:
     -------
     A matplotlib figure that belongs to no window.
     """
-    data, tracker = result.data, result.scenario.tracker
+    data = result.data
     figure = Figure(figsize=(9, 11), layout="constrained")
     plan, below = figure.subplots(2, 1, height_ratios=(5, 1))
     draw_plan(plan, data)
-    draw_existence(below, data, tracker.declare, tracker.drop)
+    draw_existence(below, result)
     below.set_xlabel("time from the first sweep (s)")
     return figure
 
