@@ -17,7 +17,9 @@ COMPILED = {
     "jax_persistent_cache_min_compile_time_secs": 0.0,
 }
 # Most of the suite's time goes into compiling what runs for a moment: half of it, for slower code.
-QUICKLY_COMPILED = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+QUICKLY_COMPILED = (
+    "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true --xla_cpu_use_fusion_emitters=false"
+)
 os.environ["XLA_FLAGS"] = f"{QUICKLY_COMPILED} {os.environ.get('XLA_FLAGS', '')}"
 for option, value in COMPILED.items():
     os.environ[option.upper()] = str(value)

@@ -32,6 +32,14 @@ def test_a_pixel_that_is_alone_while_the_scene_moves_is_left_out() -> None:
         assert np.nanmax(np.abs(beside)) < 6
 
 
+def test_a_pixel_in_doubt_is_not_read() -> None:
+    """The scene stands still in every other frame: four moves take eight frames, and the pixel is read in none."""
+    for value in (60.0, -60.0):
+        frames = np.repeat(seen(1, value, frames=8), 2, axis=0)
+        left = residuals(frames)[4:, *BROKEN]
+        assert np.nanmax(np.abs(left), initial=0) < 4
+
+
 def test_a_scene_at_rest_has_no_bad_pixels_and_a_sound_detector_few() -> None:
     assert np.isfinite(residuals(seen(0, 60.0))[5:]).all()
     sound = seen(1, 0.0)

@@ -19,6 +19,8 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from faintrack.errors import InputError
 from faintrack.kinds.kind import Plan, Step
+from faintrack.numerics.programs import Program, kept
+from faintrack.numerics.traced import traced
 
 FIRST_KEY = 2**31 - 1
 """Number of the key from which a tracker begins; scans count from 0."""
@@ -43,7 +45,6 @@ def run_key(plan_seed: int) -> PRNGKeyArray:
     return jax.random.key(plan_seed)
 
 
-@eqx.filter_jit
 def _init(tracker: Any, key: PRNGKeyArray) -> Any:
     return tracker.init(key)
 
@@ -58,7 +59,8 @@ def begun(tracker: Any, seed: int) -> Any:
     tracker : with `init(key)`.
     seed : of the run.
     """
-    return _init(tracker, jax.random.fold_in(run_key(seed), FIRST_KEY))
+    key = jax.random.fold_in(run_key(seed), FIRST_KEY)
+    return kept(_init, tracker, key)(tracker, key)
 
 
 def advance(
@@ -79,13 +81,16 @@ def advance(
     size = plan.size if size is None else size
     key = run_key(plan.seed)
     state, start = (plan.state, 0) if since is None else (since.state, since.scans)
+    program: Program | None = None
     while plan.length is None or start < plan.length:
         stop = start + size if plan.length is None else min(start + size, plan.length)
         block = plan.read(start, stop)
         used = _length(block)
         if used == 0:
             return
-        state, outputs = _take_in(plan.step, state, _filled(block, size), jnp.asarray(used), key)
+        arguments = (plan.step, state, _filled(block, size), jnp.asarray(used), key)
+        program = kept(_take_in, *arguments) if program is None else program
+        state, outputs = program(*arguments)
         outputs = jax.tree.map(lambda values, used=used: np.asarray(values)[:used], outputs)
         rows = plan.rows(start, block, outputs)
         _require_numbers(rows, start)
@@ -131,7 +136,6 @@ def load_checkpoint(path: str | Path, plan: Plan) -> Checkpoint:
     return Checkpoint(state, int(scans))
 
 
-@eqx.filter_jit
 def _take_in(step: Step, state: Any, block: Any, used: Int[Array, ""], key: PRNGKeyArray) -> tuple[Any, Any]:
     """State after the scans in use of a block, and the outputs of all of them, stacked."""
     scans = step.scans(block)
@@ -140,12 +144,13 @@ def _take_in(step: Step, state: Any, block: Any, used: Int[Array, ""], key: PRNG
     def one(number: Any, state: Any) -> tuple[Any, Any]:
         return step.advance(state, jax.tree.map(lambda leaf: leaf[number], scans), key)
 
+    step_once, (_, shapes) = traced(one, jnp.asarray(0), state)
+
     def body(number: Any, carried: tuple[Any, Any]) -> tuple[Any, Any]:
         state, outputs = carried
-        state, output = one(number, state)
+        state, output = step_once(number, state)
         return state, jax.tree.map(lambda held, value: held.at[number].set(value), outputs, output)
 
-    shapes = jax.eval_shape(one, 0, state)[1]
     outputs = jax.tree.map(lambda leaf: jnp.zeros((size, *leaf.shape), leaf.dtype), shapes)
     return jax.lax.fori_loop(0, used, body, (state, outputs))
 

@@ -171,7 +171,7 @@ class Whitening(eqx.Module):
             pixels,
             step,
         )
-        silent = (known < self.least) | pixels.bad | memory.pixels.bad
+        silent = (known < self.least) | pixels.bad | memory.pixels.bad | pixels.doubted
         return learned, jnp.where(silent, jnp.nan, residual), moved
 
     @eqx.filter_jit

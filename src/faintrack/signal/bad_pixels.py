@@ -8,8 +8,9 @@ of r over the four pixels beside, a pixel is alone in a frame where
 
 Of the last frames in which the scene moved, the share in which a pixel was alone is remembered where the pixel is. A
 stone goes with the scene; a pixel that stays alone through four moves in a row, whose share is then above one half, is
-bad, and good again after some fifteen without. While the scene is at rest nothing is learnt, and its memory explains a
-broken pixel like a stone. A point that a camera holds on one pixel is bad too, if it is narrower than a pixel: nothing
+bad, and good again after some fifteen without. Until then one that is alone again, after it was so at the last move, is
+in doubt, and not read in that frame. While the scene is at rest nothing is learnt, and its memory explains a broken
+pixel like a stone. A point that a camera holds on one pixel is bad too, if it is narrower than a pixel: nothing
 tells it from a broken one.
 """
 
@@ -32,6 +33,10 @@ FRAMES = 5.0
 BAD, GOOD = 0.5, 0.02
 """Share of frames alone above which a pixel becomes bad, and below which it is good again."""
 
+DOUBT = 0.15
+"""Share above which one that is alone is in doubt: a point of the width 0.55 pixels and five deviations, in the middle
+of a pixel, is alone in one of six frames."""
+
 
 class BadPixels(eqx.Module):
     """What is known of the pixels of a detector.
@@ -39,7 +44,8 @@ class BadPixels(eqx.Module):
     Attributes
     ----------
     alone : share of the last frames, of a moving scene, in which a pixel stood out alone.
-    bad : pixels that are not to be read.
+    bad : pixels that are broken.
+    doubted : those that may be, alone in the last frame and before.
 
     Examples
     --------
@@ -53,6 +59,7 @@ class BadPixels(eqx.Module):
 
     alone: Float[Array, "y x"]
     bad: Bool[Array, "y x"]
+    doubted: Bool[Array, "y x"]
 
     def seen(self, left: Float[Array, "y x"], deviation: Float[Array, "y x"], moved: Bool[Array, ""]) -> "BadPixels":
         """After a frame.
@@ -66,7 +73,7 @@ class BadPixels(eqx.Module):
         size = jnp.abs(left)
         alone = (size > OUTSTANDING * deviation) & (beside(left) * jnp.sign(left) < BESIDE * size)
         share = jnp.where(moved, self.alone + (alone - self.alone) / FRAMES, self.alone)
-        return BadPixels(share, share > jnp.where(self.bad, GOOD, BAD))
+        return BadPixels(share, share > jnp.where(self.bad, GOOD, BAD), alone & (self.alone > DOUBT))
 
     def mended(self, frame: Float[Array, "y x"]) -> Float[Array, "y x"]:
         """Frame in which bad pixels have the mean of the four beside them."""
@@ -75,7 +82,8 @@ class BadPixels(eqx.Module):
 
 def no_bad_pixels(shape: tuple[int, ...], dtype: Any = jnp.float32) -> BadPixels:
     """Of a detector of which nothing was seen."""
-    return BadPixels(jnp.zeros(shape, dtype), jnp.zeros(shape, bool))
+    none = jnp.zeros(shape, bool)
+    return BadPixels(jnp.zeros(shape, dtype), none, none)
 
 
 def beside(values: Float[Array, "y x"]) -> Float[Array, "y x"]:

@@ -25,6 +25,7 @@ from faintrack.kinds.recording.channels import FRAMES, LoudFrames
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.kinds.several import Tracker, about_targets, with_targets
 from faintrack.likelihoods.array_field import in_noise
+from faintrack.numerics.traced import traced
 from faintrack.results.schema import AXIS, NORTH, bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
 from faintrack.sensors.array import SensorArray
@@ -76,17 +77,18 @@ class RecordingStep(eqx.Module):
             learnt = background.learn(memory, frame, lambda: tracker.beside(frame, hand), loudest(hand))
             return after, estimate, learnt, loudest(hand)
 
+        take_in, shapes = traced(taken_in, memory, loudest(following.hand))
+
         def body(carried: Any) -> Any:
             number, (_, _, learnt, loudest_db) = carried
             first = number == 0
             known = jax.tree.map(lambda old, new: jnp.where(first, old, new), memory, learnt)
-            return number + 1, taken_in(known, jnp.where(first, loudest(following.hand), loudest_db))
+            return number + 1, take_in(known, jnp.where(first, loudest(following.hand), loudest_db))
 
         def unfinished(carried: Any) -> Array:
             # The first frame is its own background, and is taken in again without the sources that it holds.
             return (carried[0] == 0) | ((carried[0] == 1) & (memory.frames == 0))
 
-        shapes = jax.eval_shape(taken_in, memory, loudest(following.hand))
         start = jax.tree.map(lambda shape: jnp.zeros(shape.shape, shape.dtype), shapes)
         _, (following, estimate, memory, _) = jax.lax.while_loop(unfinished, body, (0, start))
         return (memory, following), (estimate, row)
