@@ -95,7 +95,8 @@ def kept(function: Callable[..., Any], *arguments: Any) -> Program:
 
 @functools.cache
 def _compiled(function: Callable[..., Any]) -> Program:
-    program: Program = eqx.filter_jit(function, compiler_options=_options())
+    options: dict[str, Any] = {"compiler_options": _options()}
+    program: Program = eqx.filter_jit(function, **options)
     return program
 
 
