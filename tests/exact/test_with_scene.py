@@ -1,11 +1,11 @@
 """Beliefs that go with a scene or stay, against plain sums over cells."""
 
-import dataclasses
-
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from faintrack.beliefs.belief import Belief
+from faintrack.trackers.many import Hand
 from faintrack.trackers.with_scene import with_scene
 
 
@@ -27,14 +27,18 @@ def test_half_goes_and_half_stays() -> None:
     assert moved["scans"] == 3
 
 
-def test_a_scene_at_rest_changes_nothing_and_a_belief_in_slots_goes_slot_by_slot() -> None:
-    weights = np.random.default_rng(1).random((2, 4, 4, 1, 1)) + 0.1
-    one = belief(weights)
-    assert (with_scene(one, jnp.array([0, 0])).log_weights == one.log_weights).all()
-    both = with_scene(one, jnp.array([0, 1])).log_weights
-    for slot in range(2):
-        alone = dataclasses.replace(one, log_weights=one.log_weights[slot])
-        np.testing.assert_allclose(both[slot], with_scene(alone, jnp.array([0, 1])).log_weights, rtol=1e-6)
+def test_a_scene_at_rest_changes_nothing_and_targets_in_hand_go_one_by_one() -> None:
+    weights = np.random.default_rng(1).random((3, 4, 4, 1, 1)) + 0.1
+    beliefs = [belief(slot) for slot in weights]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *beliefs)
+    hand = Hand(stacked, jnp.zeros(3), jnp.array([2, 0, 5]))
+    still = with_scene((hand, beliefs[0]), jnp.array([0, 0]))
+    assert (still[0].beliefs.log_weights == stacked.log_weights).all()
+    assert (still[1].log_weights == beliefs[0].log_weights).all()
+    moved = with_scene(hand, jnp.array([0, 1])).beliefs.log_weights
+    for slot in (0, 2):
+        np.testing.assert_array_equal(moved[slot], with_scene(beliefs[slot], jnp.array([0, 1])).log_weights)
+    np.testing.assert_array_equal(moved[1], stacked.log_weights[1])
 
 
 def test_particles_stay_as_they_are() -> None:

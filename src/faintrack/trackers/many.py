@@ -332,7 +332,7 @@ class ManyTargetsTracker(eqx.Module):
         guided = self.guided and isinstance(self.likelihood, Proposing)
         guide = {"guide": partial(self.likelihood.propose, scan)} if guided else {}
         predicted = self.filter.predict(sought, scan.time, key, **guide)
-        close = self.likelihood.alike(scan, predicted.states, _means(hand.beliefs))
+        close = self.likelihood.alike(scan, predicted.states, _moments(hand)[0])
         among = (-1, *(1,) * (close.ndim - 1))
         near = jnp.any(close & hand.active.reshape(among), axis=0)
         return _without(predicted, jnp.any(close & new.reshape(among), axis=0)), near
@@ -371,7 +371,7 @@ class ManyTargetsTracker(eqx.Module):
 
     def _estimate(self, found: Found) -> ManyEstimate:
         sought, hand = found.sought, found.hand
-        middles, matrices = _moments(hand.beliefs)
+        middles, matrices = _moments(hand)
         middle, matrix = moments(sought)
         existence = jnp.where(hand.active, jax.nn.sigmoid(hand.beliefs.log_odds), 0)
         return ManyEstimate(
@@ -399,13 +399,11 @@ def _repeated(tree: Any, count: int) -> Any:
     return jax.tree.map(lambda leaf: jnp.repeat(leaf[None], count, axis=0), tree)
 
 
-def _moments(beliefs: Belief) -> tuple[Any, Float[Array, "slot component component"]]:
-    """Mean and covariance of every belief."""
-    return jax.lax.map(moments, beliefs)
-
-
-def _means(beliefs: Belief) -> Any:
-    return _moments(beliefs)[0]
+def _moments(hand: Hand) -> tuple[Any, Float[Array, "slot component component"]]:
+    """Mean and covariance of every target; zeros in a free slot."""
+    shapes = jax.eval_shape(moments, _of_slot(hand.beliefs, 0))
+    nothing = jax.tree.map(lambda shape: jnp.zeros(shape.shape, shape.dtype), shapes)
+    return _over(hand.active, moments, lambda belief: nothing, hand.beliefs)
 
 
 def _without(belief: Belief, inside: Bool[Array, "*points"]) -> Belief:

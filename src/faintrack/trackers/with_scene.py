@@ -8,6 +8,7 @@ alike. Which of the two a frame has seen is not known, so before it each half of
 with d the pixels by which the scene has moved; the target's own motion follows. What leaves the picture is lost.
 """
 
+import dataclasses
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -16,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from faintrack.beliefs.belief import Belief
+from faintrack.trackers.many import Hand
 
 State = TypeVar("State")
 
@@ -36,26 +38,29 @@ def with_scene(state: State, moved: Int[Array, " axis"]) -> State:
     [0.0, 0.5, 0.0, 0.5]
     """
 
-    def followed(part: Any) -> Any:
-        if not isinstance(part, Belief):
-            return part
-        log_weights = part.log_weights
-        # Particles have one axis; there may be one of slots before it.
-        if log_weights.ndim < 4:
-            return part
-        axes, planes = (-4, -3), log_weights.shape[-4:-2]
+    still = jnp.all(moved == 0)
+
+    def mixed(log_weights: Array) -> Array:
+        planes = log_weights.shape[:2]
         along = [jnp.arange(count) - moved[axis] for axis, count in enumerate(planes)]
         y, x = ((place >= 0) & (place < count) for place, count in zip(along, planes, strict=True))
         inside = (y[:, None] & x[None, :])[..., None, None]
+        weights = jnp.exp(log_weights - jnp.max(log_weights))
+        both = weights + jnp.where(inside, jnp.roll(weights, moved, axis=(0, 1)), 0)
+        return jnp.log(both / jnp.sum(both))
 
-        def mixed() -> Array:
-            gone = jnp.where(inside, jnp.roll(log_weights, moved, axis=axes), -jnp.inf)
-            both = jnp.logaddexp(log_weights, gone)
-            total = jax.nn.logsumexp(both, axis=(-4, -3, -2, -1), keepdims=True)
-            return both - jnp.where(total > -jnp.inf, total, 0)
+    def followed(part: Any) -> Any:
+        beliefs = part.beliefs if isinstance(part, Hand) else part
+        # Particles have one axis.
+        if not isinstance(beliefs, Belief) or beliefs.log_weights.ndim - isinstance(part, Hand) < 4:
+            return part
+        if isinstance(part, Hand):
+            after = jax.lax.map(
+                lambda each: jax.lax.cond(each[0], mixed, lambda log_weights: log_weights, each[1]),
+                (part.active & ~still, beliefs.log_weights),
+            )
+            return eqx.tree_at(lambda hand: hand.beliefs.log_weights, part, after)
+        after = jax.lax.cond(still, lambda log_weights: log_weights, mixed, beliefs.log_weights)
+        return dataclasses.replace(part, log_weights=after)
 
-        # Beliefs may be stacked, which their own check of shapes does not take.
-        after = jax.lax.cond(jnp.any(moved != 0), mixed, lambda: log_weights)
-        return eqx.tree_at(lambda belief: belief.log_weights, part, after)
-
-    return jax.tree.map(followed, state, is_leaf=lambda part: isinstance(part, Belief))
+    return jax.tree.map(followed, state, is_leaf=lambda part: isinstance(part, Belief | Hand))
