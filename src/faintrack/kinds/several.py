@@ -63,13 +63,13 @@ def number_of_targets(likelihood: Any, table: ManySection) -> int:
 
 
 def build_several(
-    filter: Carrying, likelihood: Any, table: ManySection, interval: float, guided: bool = False
+    filter: Carrying, likelihood: Any, table: ManySection, interval: float, guided: bool = False, finer: Any = None
 ) -> Tracker:
     """Tracker of as many targets as a scenario says.
 
     Parameters
     ----------
-    filter, likelihood, guided : see `faintrack.trackers.many.ManyTargetsTracker`.
+    filter, likelihood, guided, finer : see `faintrack.trackers.many.ManyTargetsTracker`.
     table : of a scenario.
     interval : from scan to scan; seconds.
 
@@ -83,4 +83,4 @@ def build_several(
     # Of ten scans of silence without a return: the odds are down to those of `drop`, about.
     changes = 2.5 / (table.silence * interval)
     silence = Silence(FALLS / interval, RETURNS * changes, (1 - RETURNS) * changes)
-    return ManyTargetsTracker(filter, likelihood, silence, targets, table.declare, table.drop, guided)
+    return ManyTargetsTracker(filter, likelihood, silence, targets, table.declare, table.drop, guided, finer)

@@ -18,13 +18,13 @@ known, the mean of exp(log ratio) is 1.
 import dataclasses
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.sensors.cells import Cells
 
@@ -92,6 +92,66 @@ def spread_out(
             window = tuple(slice(first, first + count) for first, count in zip(start, wide, strict=True))
             padded = padded.at[window].add(shares[position + start] * here)
     return padded[tuple(slice(2 * reach, count) for count in wide)]
+
+
+def reached(
+    places: Cells, shares: Float[Array, "..."], reach: int, oversample: int, states: Any
+) -> Iterator[tuple[tuple[Int[Array, "*points"], ...], Float[Array, "*points"], Bool[Array, "*points"]]]:
+    """Cells that targets reach, one after the other from each state.
+
+    Parameters
+    ----------
+    places, shares, reach, oversample : of the likelihood.
+    states : of targets.
+
+    Yields
+    ------
+    Index of a cell, kept within the sensor; the share of the level that arrives there; whether the sensor has that cell
+    and the state lies at one of the places.
+    """
+    place, inside = places.nearest(states)
+    position = tuple(each % oversample for each in place)
+    counts = [count // oversample - 2 * reach for count in places.shape]
+    for start in itertools.product(range(2 * reach + 1), repeat=len(counts)):
+        # Cells from -reach are counted from 0 in `places`, those around a place from -reach in `shares`.
+        cell = [each // oversample + first - 2 * reach for each, first in zip(place, start, strict=True)]
+        within = [(each >= 0) & (each < count) for each, count in zip(cell, counts, strict=True)]
+        kept = tuple(jnp.clip(each, 0, count - 1) for each, count in zip(cell, counts, strict=True))
+        yield kept, shares[position + start], functools.reduce(jnp.logical_and, within, inside)
+
+
+def added_by_few(
+    places: Cells,
+    shares: Float[np.ndarray, "..."],
+    reach: int,
+    oversample: int,
+    states: Any,
+    log_weights: Float[Array, "target *points"],
+    existence: Float[Array, " target"],
+    level: Float[Array, " target"],
+    square: Float[Array, " target"],
+) -> tuple[Values, Values]:
+    """As `added`, point by point: of particles."""
+    cells = tuple(count // oversample - 2 * reach for count in places.shape)
+    nothing = jnp.zeros(cells, log_weights.dtype)
+
+    def one(states: Any, log_weights: Array, existence: Array, level: Array, square: Array) -> tuple[Array, Array]:
+        mean, squared, weights = nothing, nothing, jnp.exp(log_weights)
+        for cell, share, inside in reached(places, jnp.asarray(shares, weights.dtype), reach, oversample, states):
+            part = jnp.where(inside, weights * share, 0)
+            mean, squared = mean.at[cell].add(part), squared.at[cell].add(part * share)
+        mean = existence * level * mean
+        return mean, jnp.maximum(existence * square * squared - mean**2, 0)
+
+    def each(carried: tuple[Array, Array], target: tuple[Any, ...]) -> tuple[tuple[Array, Array], None]:
+        def more() -> tuple[Array, Array]:
+            mean, variance = one(*target)
+            return carried[0] + mean, carried[1] + variance
+
+        return jax.lax.cond(target[2] > 0, more, lambda: carried), None
+
+    targets = (states, log_weights, existence, level, square)
+    return jax.lax.scan(each, (nothing, nothing), targets)[0]
 
 
 def added(

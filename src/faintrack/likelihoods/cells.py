@@ -22,6 +22,7 @@ With spread, `swerling1` lets the power fluctuate in every cell by itself.
 import dataclasses
 import functools
 import itertools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -33,7 +34,17 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
-from faintrack.likelihoods.cell_field import Rule, added, alike, envelopes, means, powers, with_gain
+from faintrack.likelihoods.cell_field import (
+    Rule,
+    added,
+    added_by_few,
+    alike,
+    envelopes,
+    means,
+    powers,
+    reached,
+    with_gain,
+)
 from faintrack.likelihoods.cell_values import Draw, gaussian_value, rayleigh_value, swerling0_value, swerling1_value
 from faintrack.sensors.cells import Cells, CellScan
 
@@ -42,6 +53,9 @@ Amplitude = Callable[[Array, Array], Array]
 
 Spread = Callable[..., np.ndarray]
 """Function of the offsets from the target to the middle of a cell, one an axis, in cells, to the share of the level."""
+
+FEW = 4
+"""Places for each state from which no table of them is made."""
 
 SAME = 12
 """Decimals in which two shares must agree to be taken as one."""
@@ -352,6 +366,28 @@ class CellLikelihood(eqx.Module):
         order = [axis for pair in range(dimensions) for axis in (dimensions + pair, pair)]
         return parts.transpose(order).reshape(self.places.shape)
 
+    def few(self, states: Any) -> bool:
+        """Whether states are so few that the cells around each are read sooner than a table of all places is made."""
+        shapes = [jnp.shape(getattr(states, name)) for name, _ in self.cells.axes]
+        return FEW * math.prod(np.broadcast_shapes(*shapes)) < self.places.size
+
+    def around(self, scan: CellScan, states: Any) -> Float[Array, "*points"]:
+        """As `log_ratio`, from the cells around each state."""
+        dtype, shares = scan.values.dtype, jnp.asarray(self.shares, scan.values.dtype)
+        level = jnp.asarray(self.level, dtype)
+        total = jnp.zeros((), dtype)
+        for cell, share, inside in reached(self.places, shares, self.reach, self.oversample, states):
+            value = scan.values[cell]
+            heard = inside & ~jnp.isnan(value)
+            here = level[cell] if level.ndim else level
+            if scan.gain is not None:
+                here = here * scan.gain[cell]
+            told = self.amplitude(jnp.where(heard, value, 0), here * share)
+            if scan.independent is not None:
+                told = scan.independent[cell] * told
+            total = total + jnp.where(heard, told, 0)
+        return total
+
     def beside(
         self,
         scan: CellScan,
@@ -384,7 +420,8 @@ class CellLikelihood(eqx.Module):
         if rule is None:
             name = getattr(self.amplitude, "__name__", self.amplitude)
             raise InputError(f"amplitude {name}: it is not known how the values of several targets add.")
-        mean, variance = added(
+        spread = added_by_few if self.few(_of_one(states)) else added
+        mean, variance = spread(
             self.places, self.shares, self.reach, self.oversample, states, log_weights, existence, level, square
         )
         return with_gain(scan, *rule(scan.values, mean, variance))
@@ -404,10 +441,17 @@ class CellLikelihood(eqx.Module):
 
         Returns
         -------
-        The module's equation at the place nearest to each state: a table, made once a frame. Cells outside the sensor
-        are left out; a state that reaches no cell has log ratio 0.
+        The module's equation at the place nearest to each state: of many states a table, made once a frame. Cells
+        outside the sensor are left out; a state that reaches no cell has log ratio 0.
         """
+        if self.few(states):
+            return self.around(scan, states)
         # Read from memory: XLA would otherwise form the table anew for every point.
         table = jax.lax.optimization_barrier(self.table(scan))
         place, inside = self.places.nearest(states)
         return jnp.where(inside, table[place], 0)
+
+
+def _of_one(states: Any) -> Any:
+    """States of the first of several targets."""
+    return jax.tree.map(lambda values: values[0], states)

@@ -72,14 +72,18 @@ class UnknownLevel(eqx.Module):
         levels = jnp.stack([jnp.asarray(part.level, existence.dtype) for part in self.parts])
         some = jnp.any(existence > 0)
         nothing = jnp.zeros(self.parts[0].places.shape, scan.values.dtype)
-        tables = [jax.lax.cond(some, part.table, lambda scan: nothing, scan) for part in self.parts]
+        few = self.parts[0].few(jax.tree.map(lambda values: values[0], states))
+        tables = [jax.lax.cond(some, part.table, lambda scan: nothing, scan) for part in self.parts if not few]
 
         def weighed(target: tuple[Any, Array, Array]) -> Float[Array, " level"]:
             states, log_weights, existence = target
-            place, inside = self.parts[0].places.nearest(states)
 
             def evidence() -> Float[Array, " level"]:
-                ratios = [jnp.where(inside, table[place], 0) for table in tables]
+                if few:
+                    ratios = [part.around(scan, states) for part in self.parts]
+                else:
+                    place, inside = self.parts[0].places.nearest(states)
+                    ratios = [jnp.where(inside, table[place], 0) for table in tables]
                 return jax.nn.softmax(jnp.stack([jax.nn.logsumexp(log_weights + ratio) for ratio in ratios]))
 
             return jax.lax.cond(existence > 0, evidence, lambda: jnp.full_like(levels, 1 / len(levels)))
@@ -94,6 +98,9 @@ class UnknownLevel(eqx.Module):
 
     def log_ratio(self, scan: CellScan, states: Any) -> Float[Array, "*points"]:
         """Natural log of p(scan | target at state) / p(scan | no target); 0 for a state that reaches no cell."""
+        if self.parts[0].few(states):
+            ratios = jnp.stack([part.around(scan, states) for part in self.parts])
+            return jax.nn.logsumexp(ratios, axis=0) - jnp.log(len(self.parts))
         place, inside = self.parts[0].places.nearest(states)
         return jnp.where(inside, jax.lax.optimization_barrier(self.table(scan))[place], 0)
 

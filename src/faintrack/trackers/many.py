@@ -177,6 +177,8 @@ class ManyTargetsTracker(eqx.Module):
     declare : existence near one place at which a track begins; above `drop`.
     drop : existence below which it ends.
     guided : whether newborn particles are drawn where the scan points, by a likelihood that can propose them.
+    finer : likelihood of the same scans for targets in hand, where they are believed in at other points than the one
+        that is sought; the same where None.
     """
 
     filter: Carrying
@@ -186,6 +188,7 @@ class ManyTargetsTracker(eqx.Module):
     declare: float = 0.97
     drop: float = 0.3
     guided: bool = eqx.field(static=True, default=False)
+    finer: Any = None
 
     def init(self, key: PRNGKeyArray) -> Seeking:
         """State before the first scan."""
@@ -246,7 +249,11 @@ class ManyTargetsTracker(eqx.Module):
         existence : in place of their own.
         """
         existence = hand.observable_existence if existence is None else existence
-        return self.likelihood.beside(scan, hand.beliefs.states, hand.beliefs.log_weights, existence)
+        return self._of_hand.beside(scan, hand.beliefs.states, hand.beliefs.log_weights, existence)
+
+    @property
+    def _of_hand(self) -> Any:
+        return self.likelihood if self.finer is None else self.finer
 
     def _carried(self, hand: Hand, scan: Any, key: PRNGKeyArray) -> Hand:
         """Targets in hand, carried forward to a scan."""
@@ -259,8 +266,8 @@ class ManyTargetsTracker(eqx.Module):
                 belief.log_odds, observable, departure_rate, interval, log_lost
             )
             moved = dataclasses.replace(moved, log_odds=log_odds)
-            if isinstance(self.likelihood, Sighted):
-                moved, _ = update(moved, self.likelihood.in_sight(moved.states))
+            if isinstance(self._of_hand, Sighted):
+                moved, _ = update(moved, self._of_hand.in_sight(moved.states))
             return moved, observable
 
         def still(belief: Belief, observable: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
@@ -295,7 +302,7 @@ class ManyTargetsTracker(eqx.Module):
         if particles:
             updated, log_evidence = tempered(belief, partial(self._closely, scan), for_steps)
         else:
-            updated, log_evidence = update(belief, log_ratios(self.likelihood, scan, belief.states))
+            updated, log_evidence = update(belief, log_ratios(self._of_hand, scan, belief.states))
         gained = jnp.logaddexp(jax.nn.log_sigmoid(observable) + log_evidence, jax.nn.log_sigmoid(-observable))
         observable = observable + log_evidence
         if particles:
@@ -318,9 +325,9 @@ class ManyTargetsTracker(eqx.Module):
 
     def _closely(self, scan: Any, belief: Belief) -> Float[Array, " point"]:
         """Log ratio at the points of a belief, from as near as the likelihood can look."""
-        if not isinstance(self.likelihood, Zooming):
-            return self.likelihood.log_ratio(scan, belief.states)
-        return self.likelihood.zoomed(scan, belief.states, belief.log_weights).log_ratio(belief.states)
+        if not isinstance(self._of_hand, Zooming):
+            return self._of_hand.log_ratio(scan, belief.states)
+        return self._of_hand.zoomed(scan, belief.states, belief.log_weights).log_ratio(belief.states)
 
     def _prepared(self, scan: Any) -> Any:
         return self.likelihood.prepared(scan) if isinstance(self.likelihood, Preparing) else scan

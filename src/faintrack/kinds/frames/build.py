@@ -11,10 +11,11 @@ from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.filters.grid import GridFilter
+from faintrack.filters.grid_then_particles import GridThenParticles
 from faintrack.filters.run import Likelihood
 from faintrack.filters.separable import POINTS, separable
 from faintrack.kinds.frames.sections import FramesScenario
-from faintrack.kinds.several import Tracker, build_several
+from faintrack.kinds.several import Tracker, build_several, number_of_targets
 from faintrack.likelihoods.cells import (
     Amplitude,
     CellLikelihood,
@@ -38,7 +39,6 @@ from faintrack.signal.tails import LAWS, Tails
 from faintrack.targets.motion import PlanarMotion
 from faintrack.targets.states import PlanarState, RangeState
 from faintrack.targets.target import Target, UniformBirth
-from faintrack.trackers.many import Carrying
 
 STATES: dict[frozenset[str], Any] = {
     frozenset({"y", "x"}): PlanarState,
@@ -212,23 +212,25 @@ def build_tracker(scenario: FramesScenario, sequence: Sequence) -> Tracker:
     )
     motion = PlanarMotion(noise)
     target = Target(UniformBirth(low, high), motion, table.arrival_rate, table.departure_rate)
-    carried: Carrying
+    particles = BernoulliParticleFilter(target, filter_table.particles, filter_table.births)
+    finer = Within(build_cells(scenario, sequence, PLACES), Cells(sequence.axes))
     if filter_table.kind == "particles":
-        carried = BernoulliParticleFilter(target, filter_table.particles, filter_table.births)
-        likelihood: Likelihood = Within(build_cells(scenario, sequence, PLACES), Cells(sequence.axes))
-    else:
-        grid = Grid(kind, (*axes.items(), *rates.items()))
-        if grid.size > LARGEST_GRID:
-            listed = " x ".join(map(str, grid.shape))
-            raise InputError(
-                f"the grid has {listed} cells, more than {LARGEST_GRID:,}; "
-                "expected fewer filter.speeds, or filter.kind particles."
-            )
-        for place, rate in grid.pairs:
-            _require_short(grid.axes[place], grid.axes[rate], noise, interval)
-        carried = GridFilter(grid, target, separable(grid, motion, interval))
-        likelihood = build_cells(scenario, sequence, oversample=1)
-    return build_several(carried, likelihood, scenario.tracker, interval)
+        return build_several(particles, finer, scenario.tracker, interval)
+    grid = Grid(kind, (*axes.items(), *rates.items()))
+    if grid.size > LARGEST_GRID:
+        listed = " x ".join(map(str, grid.shape))
+        raise InputError(
+            f"the grid has {listed} cells, more than {LARGEST_GRID:,}; "
+            "expected fewer filter.speeds, or filter.kind particles."
+        )
+    for place, rate in grid.pairs:
+        _require_short(grid.axes[place], grid.axes[rate], noise, interval)
+    carried = GridFilter(grid, target, separable(grid, motion, interval))
+    likelihood = build_cells(scenario, sequence, oversample=1)
+    if number_of_targets(likelihood, scenario.tracker) == 1:
+        return build_several(carried, likelihood, scenario.tracker, interval)
+    both = GridThenParticles(carried, particles)
+    return build_several(both, likelihood, scenario.tracker, interval, finer=finer)
 
 
 def _require_short(place: tuple[str, Axis], rate: tuple[str, Axis], noise: float, interval: float) -> None:

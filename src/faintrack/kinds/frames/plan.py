@@ -82,18 +82,22 @@ class FramesStep(eqx.Module):
         # Of a value that is not a number a likelihood says nothing.
         cells = eqx.tree_at(lambda cells: cells.values, cells, jnp.where(missing, jnp.nan, cells.values))
         if isinstance(cells, CellScan) and cells.moved is not None:
-            following = with_scene(following, cells.moved)
+            following = with_scene(following, cells.moved, self.cells)
         following, estimate = self.tracker.step(following, cells, key)
         if len(self.cells.axes) == 1:
-            rows = {"record": relative, "surface": cell_surface(following.belief, self.cells)}
+            rows = {"record": relative, "surface": self._surface(following)}
             return (memory, following, surfaces), (estimate, rows)
         surfaces = jax.lax.cond(
             slot < len(surfaces),
-            lambda held: held.at[slot].set(cell_surface(following.belief, self.cells)),
+            lambda held: held.at[slot].set(self._surface(following)),
             lambda held: held,
             surfaces,
         )
         return (memory, following, surfaces), (estimate, {})
+
+    def _surface(self, following: Any) -> Array:
+        """Log of the target likelihood ratio of every cell, of all targets."""
+        return jax.nn.logsumexp(jnp.stack([cell_surface(belief, self.cells) for belief in following.beliefs]), axis=0)
 
 
 def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
