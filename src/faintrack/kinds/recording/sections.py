@@ -140,12 +140,14 @@ class SourceSection(Section):
     snr_db : variance of its signal over variance of the noise at one channel; dB.
     bearing_deg : at `start`; degrees, from the axis of a line array or clockwise from north.
     bearing_rate_deg : degrees a second.
+    elevation_deg : above the horizon; degrees.
     start, end : seconds from the start of the recording; to its end where not given.
     """
 
     snr_db: float
     bearing_deg: float
     bearing_rate_deg: float = 0.0
+    elevation_deg: float = Field(default=0.0, gt=-90, lt=90)
     start: float = Field(default=0.0, ge=0)
     end: float | None = None
 
