@@ -23,6 +23,7 @@ from faintrack.kinds.loop import begun
 from faintrack.kinds.recording.build import build_background, build_tracker, default_snr_db
 from faintrack.kinds.recording.channels import FRAMES, LoudFrames
 from faintrack.kinds.recording.sections import RecordingScenario
+from faintrack.kinds.recording.trace import COMPONENTS, traced
 from faintrack.kinds.several import Tracker, about_targets, with_targets
 from faintrack.likelihoods.array_field import in_noise
 from faintrack.results.schema import AXIS, NORTH, bearing, estimated, of_scans
@@ -54,9 +55,13 @@ class RecordingStep(eqx.Module):
     tracker: Tracker | DetectAndTrack
 
     def scans(self, block: tuple[Array, Array, Array]) -> tuple[BeamScan, Float[Array, "frame beam"]]:
-        """Scans of time, samples and usable channels of some frames, and the rows of the record in dB."""
-        scans = self.beamformer.scan(*block)
-        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(energies(scans)), 1e-6))
+        """Scans of time, samples and usable channels of some frames, and the rows of the record in dB: of several rings of beams
+        the loudest at every bearing."""
+        scans, grid = self.beamformer.scan(*block), self.beamformer.grid
+        record = energies(scans)
+        if grid.elevations:
+            record = jnp.max(record.reshape(-1, grid.rings, grid.beams), axis=1)
+        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(record), 1e-6))
 
     def advance(
         self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"]], key: PRNGKeyArray
@@ -109,7 +114,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     array, rule = array_of(recording, scenario)
     band = scenario.analysis.band
     array, straight = as_heard(array, recording.sample_rate / 2 if band is None else band[1])
-    beamformer, length, count = plan_frames(recording, array, scenario.analysis, scenario.analysis.taper)
+    analysis, elevation = scenario.analysis, scenario.target.elevation_deg
+    beamformer, length, count = plan_frames(recording, array, analysis, analysis.taper, elevation)
     clean = CleanRecording(recording)
     described: Any = scenario.array
     likelihood = scenario.likelihood
@@ -121,7 +127,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     with naming(recording.source):
         tracker = build_tracker(scenario, array, beamformer, noise_power)
     background = build_background(scenario, tracker, beamformer)
-    frame_bytes = 4 * max(beamformer.grid.frequency.size * beamformer.grid.beams, length * recording.channels)
+    grid = beamformer.grid
+    frame_bytes = 4 * max(grid.frequency.size * grid.beams * grid.rings, length * recording.channels)
     # Of a run that is taken up again it is not known what was heard before.
     heard = np.ones(recording.channels, bool)
     loud = LoudFrames(beamformer)
@@ -274,7 +281,10 @@ def _dataset(
     """Estimates of consecutive frames in the schema, with the bearing-time record."""
     reference = NORTH if array.circular else AXIS
     masked = (~usable & array.alive).sum(axis=1).astype(np.int32)
-    data = estimated(time, estimates, bearing(reference))
+    components = bearing(reference)
+    if hasattr(estimates.mean, "elevation"):
+        estimates, components = traced(estimates, array.sound_speed), (*components, *COMPONENTS)
+    data = estimated(time, estimates, components)
     data["masked_channels"] = of_scans(masked, "1", "channels left out, samples missing", counted="masked_scans")
     data["record"] = (
         ("time", "beam"),
