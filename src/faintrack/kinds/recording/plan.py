@@ -145,7 +145,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         if start + len(usable) == count:
             _require_heard(recording, array, heard)
         estimates = outputs[0]
-        loud.take(start, block[1], np.asarray(estimates.existence).reshape(len(usable), -1))
+        loud.take(start, block[1], np.asarray(estimates.existence).reshape(len(usable), -1), np.asarray(outputs[1]))
         ends.update(np.unique(estimates.label[np.asarray(estimates.mean.snr_db) > loudest_db - AT_END_DB]).tolist())
         return _dataset(block[0], usable, *outputs, array, recording, scenario.analysis.frame)
 
