@@ -79,7 +79,7 @@ class SensorArray(eqx.Module):
         >>> array.delays(np.array(0.0)).tolist()
         [0.5, -0.5]
         >>> square = sensor_array(np.array([[0.0, 0.0], [0.0, 1500.0], [1500.0, 0.0], [1500.0, 1500.0]]))
-        >>> square.delays(np.array(0.0), np.radians(60.0)).round(3).tolist()
+        >>> square.delays(np.array(0.0), np.array(np.pi / 3)).round(3).tolist()
         [0.25, -0.25, 0.25, -0.25]
         """
         xp = bearing.__array_namespace__()

@@ -137,9 +137,7 @@ class WaveMotion(eqx.Module):
         moved = self.level.move(BearingState(states.bearing, states.bearing_rate, states.snr_db), interval, for_level)
         draws = normal(for_elevation, states.elevation.shape, states.elevation.dtype)
         elevation = states.elevation + self.elevation_noise * jnp.sqrt(interval) * draws
-        return WaveState(
-            moved.bearing, moved.bearing_rate, moved.snr_db, _reflected(elevation, self.low, self.high)
-        )
+        return WaveState(moved.bearing, moved.bearing_rate, moved.snr_db, _reflected(elevation, self.low, self.high))
 
 
 def _reflected(values: Float[Array, "*points"], low: Scalar, high: Scalar) -> Float[Array, "*points"]:

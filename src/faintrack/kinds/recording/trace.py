@@ -12,6 +12,7 @@ A wave at elevation :math:`\varepsilon` crosses a level array at :math:`v = c / 
 
 import dataclasses
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -43,13 +44,14 @@ def traced(estimates: Any, sound_speed: float) -> Any:
 
     Examples
     --------
+    >>> import jax.numpy as jnp
     >>> from faintrack.targets.states import WaveState
     >>> from faintrack.trackers.single import Estimate
-    >>> mean = WaveState(*(np.zeros(1) for _ in range(3)), np.radians([60.0]))
-    >>> say = Estimate(*(np.zeros(1) for _ in range(4)), mean, 1e-4 * np.eye(4)[None], np.zeros(1))
+    >>> none, mean = jnp.zeros(1), WaveState(*(jnp.zeros(1) for _ in range(3)), jnp.radians(jnp.array([60.0])))
+    >>> say = Estimate(none, none, jnp.zeros(1, int), none, mean, 1e-4 * jnp.eye(4)[None], none)
     >>> found = traced(say, 340.0)
     >>> found.mean.trace_velocity.round(1).tolist(), np.sqrt(found.covariance[:, 4, 4]).round(1).tolist()
-    ([680.2, 680.2], [11.8])
+    ([680.2], [11.8])
     """
     mean, covariance = estimates.mean, np.asarray(estimates.covariance, float)
     names = [field.name for field in dataclasses.fields(mean)]
@@ -65,4 +67,5 @@ def traced(estimates: Any, sound_speed: float) -> Any:
     whole = np.concatenate([rows, column[..., None]], axis=-1)
     values = {name: getattr(mean, name) for name in names}
     state = TracedState(**values, trace_velocity=speed + second * variance / 2)
-    return dataclasses.replace(estimates, mean=state, covariance=whole)
+    rest = {field.name: getattr(estimates, field.name) for field in dataclasses.fields(estimates)}
+    return SimpleNamespace(**rest | {"mean": state, "covariance": whole})
