@@ -215,4 +215,6 @@ def test_directions_above_each_other_are_alike_within_a_lobe() -> None:
     number = 24 * 4 + 7
     centre = jax.tree.map(lambda values: values[number : number + 1], states)
     close = np.asarray(alike(grid, states, centre))[0].reshape(grid.rings, 24)
-    assert close[4, 7] and not close[-1, 7] and not close[4, 19]
+    assert close[4, 7]
+    assert not close[-1, 7]
+    assert not close[4, 19]

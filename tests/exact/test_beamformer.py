@@ -190,8 +190,10 @@ def test_rings_of_beams_delay_and_sum(case: str, beams: int, dtype: type) -> Non
     samples = np.random.default_rng(4).normal(size=(SIZE, 4))
     heard = scan(plan, samples, dtype)
     bearing, elevation = plan.grid.directions
-    assert elevation is not None and len(bearing) == beams * plan.grid.rings
-    assert elevation[beams] == pytest.approx(0) and elevation[-beams - 1] == pytest.approx(1.2)
+    assert elevation is not None
+    assert len(bearing) == beams * plan.grid.rings
+    assert elevation[beams] == pytest.approx(0)
+    assert elevation[-beams - 1] == pytest.approx(1.2)
     level = np.cos(elevation)
     direction = np.stack([level * np.sin(bearing), level * np.cos(bearing), np.sin(elevation)])
     spectra = np.fft.rfft(samples, axis=0)[1:-1] / np.sqrt(SIZE)
@@ -204,9 +206,9 @@ def test_rings_of_beams_delay_and_sum(case: str, beams: int, dtype: type) -> Non
 def test_elevations_that_an_array_cannot_tell_are_refused() -> None:
     with pytest.raises(InputError, match="the array is a line, which hears every wave of a cone"):
         plan_for(LINE, elevation=(0.0, 1.0))
-    with pytest.raises(InputError, match="elevation_deg begins at -28.6479, and the channels lie in a level plane"):
+    with pytest.raises(InputError, match=r"elevation_deg begins at -28\.6479, and the channels lie in a level plane"):
         plan_for(CIRCLE, elevation=(-0.5, 1.0))
     assert plan_for(ARRAYS["space"], elevation=(-0.5, 1.0)).grid.elevations[1] == -0.5
     wide = sensor_array(1000 * CIRCLE.positions)
-    with pytest.raises(InputError, match="rings of beams at 468.75 Hz; expected at most 128"):
+    with pytest.raises(InputError, match=r"rings of beams at 468\.75 Hz; expected at most 128"):
         plan_for(wide, elevation=(0.0, 1.0))

@@ -45,7 +45,8 @@ def heard(grid: BeamGrid, *sources: tuple[float, float, float], seed: int = 0) -
 def test_the_speed_of_a_wave_is_told(slowness: float, amplitude: float) -> None:
     grid = planned()
     found = crossing(grid, heard(grid, (1.0, slowness, amplitude)))
-    assert found is not None and found.unexpected
+    assert found is not None
+    assert found.unexpected
     assert abs(found.slowness - slowness) < 0.03
     if slowness > 0.4:
         assert abs(found.bearing - 1.0) < 0.1
@@ -59,7 +60,8 @@ def test_level_waves_are_left_alone(sources: tuple[tuple[float, float], ...]) ->
     waves = [(bearing, 1.0, amplitude) for bearing, amplitude in sources]
     for seed in range(5):
         found = crossing(grid, heard(grid, *waves, seed=seed))
-        assert found is not None and not found.unexpected
+        assert found is not None
+        assert not found.unexpected
 
 
 def test_what_rings_of_beams_look_for_is_expected() -> None:
@@ -67,7 +69,8 @@ def test_what_rings_of_beams_look_for_is_expected() -> None:
     for elevation, unexpected in (((0.0, 1.4), False), ((0.0, 0.5), True)):
         grid = planned(elevation=elevation)
         found = crossing(grid, heard(grid, wave))
-        assert found is not None and found.unexpected == unexpected
+        assert found is not None
+        assert found.unexpected == unexpected
 
 
 def test_a_line_tells_no_speed() -> None:

@@ -89,7 +89,8 @@ def test_tables_have_elevation_and_trace_velocity(tmp_path: Path) -> None:
         row = list(csv.DictReader(file))[-1]
     assert abs(float(row["elevation_deg"]) - 60) < 4
     assert abs(float(row["trace_velocity_m_s"]) - 680) < 60
-    assert 0 < float(row["elevation_deg_std"]) < 5 and 0 < float(row["trace_velocity_m_s_std"]) < 100
+    assert 0 < float(row["elevation_deg_std"]) < 5
+    assert 0 < float(row["trace_velocity_m_s_std"]) < 100
 
 
 def test_a_threshold_is_calibrated_with_targets_above_the_horizon() -> None:

@@ -220,11 +220,11 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
         faded = jnp.exp(-CURVATURE * lag**2)
         shapes = jnp.stack([stretched**order / math.sqrt(math.factorial(order)) for order in range(ORDERS)]) * faded
         shapes = jnp.broadcast_to(shapes[:, None], (ORDERS, *turned.shape))
-        shapes = [shapes, turned[None]]
+        beside = [shapes, turned[None]]
         if raised:
             lifted = raised[1] * jnp.pi / TURN * frequency[:, None] * (delays[3] - delays[4])
-            shapes.append((lifted / jnp.maximum(jnp.max(jnp.abs(lifted), axis=1, keepdims=True), 1))[None])
-        patterns = middle * jnp.concatenate(shapes) * jnp.sqrt(level)
+            beside.append((lifted / jnp.maximum(jnp.max(jnp.abs(lifted), axis=1, keepdims=True), 1))[None])
+        patterns = middle * jnp.concatenate(beside) * jnp.sqrt(level)
 
         def one(place: Any, held: tuple[Array, ...]) -> tuple[Array, ...]:
             columns, left, spectra, share = held
@@ -331,7 +331,8 @@ def coherence(
     assert array is not None
     few = np.unique(np.linspace(0, grid.frequency.size - 1, BINS).round().astype(int))
     frequency = jnp.asarray(grid.frequency[few], dtype)
-    directions = (None if angles is None else jnp.asarray(angles, dtype) for angles in grid.directions)
+    around, above = grid.directions
+    directions = jnp.asarray(around, dtype), None if above is None else jnp.asarray(above, dtype)
     beams, _ = steered(array, frequency, *directions)
     vectors, _ = steered(array, frequency, bearing, elevation)
     alive = jnp.asarray(array.alive, dtype)

@@ -108,7 +108,8 @@ class Zoomed(eqx.Module):
         of_bearing = along(off, self.reach, rows)
         if not isinstance(states, WaveState):
             return read_plane(self.table, of_bearing, of_snr)
-        assert self.elevation is not None and self.reach_up is not None
+        assert self.elevation is not None
+        assert self.reach_up is not None
         of_elevation = along(states.elevation - self.elevation, self.reach_up, rings[0])
         return read_space(self.table, of_elevation, of_bearing, of_snr)
 
@@ -220,8 +221,8 @@ class UnknownNoise(eqx.Module):
 
         Notes
         -----
-        The module's equation, tabulated over direction and SNR and interpolated by the states. Check: the mean of exp(log
-        ratio) under noise of any power is 1.
+        The module's equation, tabulated over direction and SNR and interpolated by the states. Check: the mean of
+        exp(log ratio) under noise of any power is 1.
         """
         table = self.table(scan)
         low, high = self.snr_db

@@ -102,7 +102,8 @@ def beams_of(
     snr_db = jnp.where(present, state.snr_db, -jnp.inf).astype(dtype)
     elevation = state.elevation.astype(dtype) if isinstance(state, WaveState) else None
     spectra = received(pairs, state.bearing.astype(dtype), snr_db, array, grid, noise_power, elevation)
-    directions = (None if angles is None else jnp.asarray(angles, dtype) for angles in grid.directions)
+    bearing, above = grid.directions
+    directions = jnp.asarray(bearing, dtype), None if above is None else jnp.asarray(above, dtype)
     vectors = steering(array, jnp.asarray(grid.frequency, dtype), *directions)
     products = jnp.einsum("fbc,kfc->kfb", vectors.conj(), spectra)
     used = scan.channels >= 2

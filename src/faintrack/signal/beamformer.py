@@ -15,9 +15,10 @@ over it, W, and the frame is worth
 
 independent samples: the variance of the power of white noise, summed over bins and snapshots, is that of so many.
 
-Waves that are not level cross the array's plane at the trace velocity :math:`c / \cos\varepsilon`, and channels that lie
-higher hear them earlier: a **ring** of beams of one elevation is a ring of level beams of that velocity, on spectra of
-which the phase :math:`2 \pi f z_m \sin\varepsilon / c` has been taken off. Rings are evenly spaced, four in a main lobe.
+Waves that are not level cross the array's plane at the trace velocity :math:`c / \cos\varepsilon`, and channels that
+lie higher hear them earlier: a **ring** of beams of one elevation is a ring of level beams of that velocity, on spectra
+of which the phase :math:`2 \pi f z_m \sin\varepsilon / c` has been taken off. Rings are evenly spaced, four in a main
+lobe.
 
 Bins strictly between zero and half the sample rate are used: a constant offset carries no direction, and at half the
 sample rate a delay is not defined (bosser2022, eq. 15 has a cosine there).
@@ -303,8 +304,8 @@ def _elevations(array: SensorArray, frequency: float, low: float, high: float) -
     between = max(2, math.ceil(4 * (high - low) / lobe_width(array, frequency)))
     if between + 3 > MOST_RINGS:
         raise InputError(
-            f"elevations from {math.degrees(low):g} to {math.degrees(high):g} degrees take {between + 3} rings of beams "
-            f"at {frequency:g} Hz; expected at most {MOST_RINGS}: a lower band, or fewer elevations."
+            f"elevations from {math.degrees(low):g} to {math.degrees(high):g} degrees take {between + 3} rings of "
+            f"beams at {frequency:g} Hz; expected at most {MOST_RINGS}: a lower band, or fewer elevations."
         )
     step = (high - low) / between
     return tuple((low + step * np.arange(-1, between + 2)).tolist())

@@ -9,8 +9,8 @@ great certainty. So a wave is sought with its slowness free, on a grid of N valu
     \Lambda = \sum_\text{frames} \Big[ \log \frac{1}{N} \sum_s e^{\Lambda(s)} \Big]_+ ,
 
 against the same with s as it is expected: 1 of level waves, the cosines of the elevations of rings of beams. The
-slowness that the frames agree on is named where it is far from those, and they lack a good part of the evidence. A slowness above 1 is that of no plane wave: the sound is
-slower than the array's description says.
+slowness that the frames agree on is named where it is far from those, and they lack a good part of the evidence. A
+slowness above 1 is that of no wave from above or below: the sound is slower than the array's description says.
 
 Looked at are the frequencies whose main lobe the grid of bearings resolves.
 """

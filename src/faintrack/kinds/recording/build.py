@@ -116,15 +116,14 @@ def build_target(table: SourceTargetSection, snr_db: tuple[float, float], circul
     rate = math.radians(table.bearing_rate_deg)
     low, high = snr_db
     noise = math.radians(table.bearing_rate_noise_deg)
-    motion: BearingMotion | WaveMotion = BearingMotion(noise, table.snr_noise_db, low, high, circular)
-    ends = (first, -rate, low), (last, rate, high)
+    level = BearingMotion(noise, table.snr_noise_db, low, high, circular)
+    ends, rates = ((first, -rate, low), (last, rate, high)), (table.arrival_rate, table.departure_rate)
     if table.elevation_deg is None:
-        birth = UniformBirth(*(_corner(BearingState, *values) for values in ends))
-    else:
-        lowest, highest = (math.radians(elevation) for elevation in table.elevation_deg)
-        motion = WaveMotion(motion, math.radians(table.elevation_noise_deg), lowest, highest)
-        birth = UniformBirth(_corner(WaveState, *ends[0], lowest), _corner(WaveState, *ends[1], highest))
-    return Target(birth, motion, table.arrival_rate, table.departure_rate)
+        return Target(UniformBirth(*(_corner(BearingState, *values) for values in ends)), level, *rates)
+    lowest, highest = (math.radians(elevation) for elevation in table.elevation_deg)
+    motion = WaveMotion(level, math.radians(table.elevation_noise_deg), lowest, highest)
+    birth = UniformBirth(_corner(WaveState, *ends[0], lowest), _corner(WaveState, *ends[1], highest))
+    return Target(birth, motion, *rates)
 
 
 def _corner(kind: Any, *values: float) -> Any:

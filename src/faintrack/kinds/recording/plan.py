@@ -55,8 +55,10 @@ class RecordingStep(eqx.Module):
     tracker: Tracker | DetectAndTrack
 
     def scans(self, block: tuple[Array, Array, Array]) -> tuple[BeamScan, Float[Array, "frame beam"]]:
-        """Scans of time, samples and usable channels of some frames, and the rows of the record in dB: of several rings of beams
-        the loudest at every bearing."""
+        """Scans of time, samples and usable channels of some frames, and the rows of the record in dB.
+
+        Of several rings of beams a row has the loudest at every bearing.
+        """
         scans, grid = self.beamformer.scan(*block), self.beamformer.grid
         record = energies(scans)
         if grid.elevations:
