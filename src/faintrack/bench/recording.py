@@ -64,8 +64,8 @@ def track_above_horizon(machine: Machine, sizes: Sizes) -> Row:
     timing = timed(lambda: track(recording, scenario, target=above).tracks, sizes.repeat_seconds)
     grid = build_beamformer(scenario.analysis, array, INFRASOUND_RATE, True, above["elevation_deg"]).grid
     note = (
-        f"{duration:g} s of {MICROPHONES} channels at {INFRASOUND_RATE:g} Hz in memory, {INFRASOUND_FRAME:g} s frames, 1 "
-        f"to 8 Hz, {grid.rings} rings of {grid.beams} beams, {sizes.particles} + {sizes.births} particles; peer: ours "
-        "with all waves level, one ring"
+        f"{duration:g} s of {MICROPHONES} channels at {INFRASOUND_RATE:g} Hz in memory, {INFRASOUND_FRAME:g} s frames, "
+        f"{grid.rings} rings of {grid.beams} beams, {sizes.particles} + {sizes.births} particles; peer: ours with all "
+        "waves level, one ring"
     )
     return row("track_above_horizon", "s", timing, note, None, level.least)

@@ -163,8 +163,8 @@ def about_crossing(across: Crossing, sound_speed: float) -> tuple[str, ...]:
     lost = f"bearings that are given take {across.inside:.0f} of its {across.free:.0f} nats"
     if across.slowness > 1:
         return (
-            f"{where}, slower than sound, {sound_speed:g} m/s: expected another sound_speed of the array; {lost}, and "
-            "are wrong or missing.",
+            f"{where}, slower than sound, {sound_speed:g} m/s: expected another sound_speed of the array, or a source "
+            f"farther off than the array is long; {lost}, and are wrong or missing.",
         )
     above = np.degrees(np.arccos(across.slowness))
     taken = "for level" if across.expected == (1.0, 1.0) else "as in target.elevation_deg"
