@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import faintrack as ft
+from faintrack.results.report import track_headings
 
 # Six microphones within 150 m, as they stand in a wood.
 PLACES = np.array([[0.0, 0.0], [5.0, 71.0], [55.0, 38.0], [18.0, -66.0], [-38.0, -60.0], [-70.0, 4.0]])
@@ -84,7 +85,8 @@ def test_a_close_look_tells_of_waves_too(tmp_path: Path) -> None:
 
 def test_tables_have_elevation_and_trace_velocity(tmp_path: Path) -> None:
     what = scenario(source(60.0, 5.0), target=ABOVE)
-    ft.track(ft.simulate(what), what, out=tmp_path / "out")
+    result = ft.track(ft.simulate(what), what, out=tmp_path / "out")
+    assert [heading for _, heading, _ in track_headings(result)][-4:-2] == ["elevation\ndeg", "trace velocity\nm/s"]
     with (tmp_path / "out" / "states.csv").open(encoding="utf-8") as file:
         row = list(csv.DictReader(file))[-1]
     assert abs(float(row["elevation_deg"]) - 60) < 4
