@@ -170,7 +170,7 @@ def about_crossing(across: Crossing, sound_speed: float) -> tuple[str, ...]:
     taken = "for level" if across.expected == (1.0, 1.0) else "as in target.elevation_deg"
     return (
         f"{where}, not {sound_speed:g}: from {above:.0f} degrees above the horizon, where waves are taken {taken}; "
-        f"expected target.elevation_deg, as [0, {80 if above < 75 else 89}]. As it is {lost}, and are wrong "
+        f"expected target.elevation_deg, as [0, 80]. As it is {lost}, and are wrong "
         "or missing.",
     )
 

@@ -33,6 +33,9 @@ SLOWEST = 1.3
 SPEEDS = 48
 """Values of the slowness at most."""
 
+STEEPEST = 0.174
+"""Least slowness that is named, of a wave from 80 degrees: what is alike in all channels may be hum as well."""
+
 FAR = 0.05
 """From the slowness that is expected, in units of that of sound, before another is named."""
 
@@ -68,7 +71,8 @@ class Crossing:
         """Whether waves as they are expected lack a good part of the evidence, and another speed has it."""
         low, high = self.expected
         outside = max(low - self.slowness, self.slowness - high)
-        return self.free - self.inside >= LEAST and self.lacks >= LACKS and outside > FAR
+        far = outside > FAR and self.slowness >= STEEPEST
+        return far and self.free - self.inside >= LEAST and self.lacks >= LACKS
 
 
 def crossing(grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"]) -> Crossing | None:
