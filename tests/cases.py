@@ -57,9 +57,9 @@ from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.sensors.superposed import SensorNetwork, inverse_square, picture
 from faintrack.signal.clutter import ClutterScan, Level
 from faintrack.targets.motion import PlanarMotion
-from faintrack.targets.states import BearingState, PlanarSnrState, PlanarState, RangeState
+from faintrack.targets.states import BearingState, PlanarSnrState, PlanarState, RangeState, WaveState
 from faintrack.targets.target import Target, UniformBirth, rates
-from tests.scenes import CIRCLE, COLOURED, LINE
+from tests.scenes import CIRCLE, COLOURED, LINE, SPACE
 
 FEW, MANY = 6_000, 20_000
 """Draws for a law of means: of ratios with tails that fall fast, and of those of an array, whose standard error is then
@@ -104,6 +104,16 @@ def array_case(array: SensorArray, build: Callable[[BeamGrid, type], Any], dtype
     bearing = [*grid.bearing[[7, 20, -1]], 0.4, 2.9]
     states = row(BearingState, dtype, *zip(bearing, [0.0] * 5, (-13.0, -15.0, -12.0, -12.5, -14.0), strict=True))
     return Case(build(grid, dtype), scan, states, draws=MANY)
+
+
+def wave_case(dtype: type) -> Case:
+    """As `array_case`, two rings of beams between two more, and points between them; on channels of unequal height."""
+    rings = tuple((0.25 * np.arange(-1, 3)).tolist())
+    grid = BeamGrid(np.array([125.0, 250.0, 375.0]), 36, 2, True, SPACE, elevations=rings)
+    scan = BeamScan(*(jnp.zeros(shape, dtype) for shape in ((), (3, 144), 3)), jnp.asarray(4.0, dtype))
+    levels, elevation = (-13.0, -15.0, -12.0, -12.5), (0.25, 0.0, 0.08, 0.17)
+    states = row(WaveState, dtype, *zip((*grid.bearing[[7, 20]], 0.4, 2.9), [0.0] * 4, levels, elevation, strict=True))
+    return Case(unknown_noise(grid, dtype), scan, states, draws=MANY)
 
 
 def too_few(scan: BeamScan) -> BeamScan:
@@ -318,6 +328,7 @@ LIKELIHOODS: dict[str, Callable[[type], Case]] = {
     "white signal, circle": functools.partial(array_case, CIRCLE, white_signal),
     "unknown noise, line": functools.partial(array_case, LINE, unknown_noise),
     "unknown noise, circle": functools.partial(array_case, CIRCLE, unknown_noise),
+    "unknown noise, above the horizon": wave_case,
     "lobe width": functools.partial(array_case, LINE, lobe_width),
     "cells, gaussian": functools.partial(cell_case, lambda: image(gaussian, oversample=3)),
     "cells, swerling1": functools.partial(cell_case, lambda: image(swerling1)),

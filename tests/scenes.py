@@ -28,6 +28,7 @@ from faintrack.targets.target import Target, UniformBirth, rates
 
 LINE = line_array(4, spacing=1.5)
 CIRCLE = sensor_array(np.array([[0.0, 0.0], [1.8, 0.3], [-0.4, 1.5], [-1.2, -1.4]]))
+SPACE = sensor_array(np.array([[0.0, 0.0, 0.4], [1.8, 0.3, -0.5], [-0.4, 1.5, 0.0], [-1.2, -1.4, 0.8]]))
 COLOURED = np.array([0.2, 1.0, 7.0])
 """Noise power in each of the scene's bins."""
 

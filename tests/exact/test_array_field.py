@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -23,15 +24,15 @@ from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 from faintrack.sensors.beams import BeamScan
 from faintrack.signal.beamformer import Beamformer, beamformer
-from faintrack.targets.states import BearingState
+from faintrack.targets.states import BearingState, WaveState
 
 LINE = line_array(8, 1.5)
 FLAT = sensor_array(np.array([[0.0, 0.0], [3.0, 0.5], [1.0, 4.0], [-2.0, 1.5], [2.0, -3.0]]))
 SOURCES = Sources(*(jnp.asarray(values) for values in ([0.9, 2.0], [0.01, 0.05], [0.5, 20.0], [0.9, 1.0])))
 
 
-def planned(array: SensorArray, beams: int = 24) -> Beamformer:
-    return beamformer(array, 1000.0, 0.5, (50.0, 300.0), beams=beams, snapshot=0.125, taper=True)
+def planned(array: SensorArray, beams: int = 24, **options: Any) -> Beamformer:
+    return beamformer(array, 1000.0, 0.5, (50.0, 300.0), beams=beams, snapshot=0.125, taper=True, **options)
 
 
 def heard(plan: Beamformer, seed: int = 0, source: tuple[float, float] | None = None) -> BeamScan:
@@ -66,7 +67,7 @@ def test_numbers_of_the_field(array: SensorArray) -> None:
 
         background = np.eye(channels, dtype=complex)
         for bearing, deviation, snr, existence in zip(
-            *(np.asarray(part, float) for part in dataclasses.astuple(SOURCES)), strict=True
+            *(np.asarray(part, float) for part in dataclasses.astuple(SOURCES)[:4]), strict=True
         ):
             level = 4 * snr * (1 + channels * snr) * (1 + snr / 10) ** 4 * existence
             delays = np.asarray(array.delays(np.array(bearing)))
@@ -156,3 +157,64 @@ def test_coherence() -> None:
     states = BearingState(jnp.asarray(grid.bearing, jnp.float32), jnp.zeros(31), jnp.zeros(31))
     centre = jax.tree.map(lambda values: values[16:17], states)
     np.testing.assert_array_equal(np.asarray(alike(grid, states, centre))[0], found[1] > COHERENT)
+
+
+def test_numbers_of_the_field_of_a_source_above_the_horizon() -> None:
+    plan = planned(FLAT, beams=12, elevation=(0.2, 1.2))
+    scan = heard(plan)
+    bearing, elevation, snr = 0.9, 0.8, 2.0
+    known = [jnp.asarray([value]) for value in (bearing, 0.02, snr, 1.0, elevation, 0.03)]
+    found = beside(plan, scan, Sources(*known))
+    power, gain = beams_beside(plan, found)
+    channels, resolution = 5, plan.grid.frequency[0] / plan.first_bin
+
+    def advance(bearing: np.ndarray, elevation: np.ndarray) -> np.ndarray:
+        level = np.cos(elevation)
+        return np.stack([level * np.sin(bearing), level * np.cos(bearing)], axis=-1) @ FLAT.positions[:, :2].T / 1500
+
+    middle = -advance(np.array(bearing), np.array(elevation))
+    lag, faded = middle * resolution, np.exp(-CURVATURE * (middle * resolution) ** 2)
+    turn = (middle + advance(np.array(bearing + 1e-5), np.array(elevation))) / 1e-5
+    rise = (middle + advance(np.array(bearing), np.array(elevation + 1e-5))) / 1e-5
+    least = MISPLACED / (2 * np.pi * np.abs(turn).max() * plan.grid.frequency.max())
+    beams = advance(*(np.asarray(angles) for angles in plan.grid.directions))
+    for number, frequency in enumerate(plan.grid.frequency):
+        wave = np.exp(-2j * np.pi * frequency * middle)
+        columns = [
+            wave * (np.sqrt(2 * CURVATURE) * lag) ** order / math.sqrt(math.factorial(order)) * faded
+            for order in range(ORDERS)
+        ]
+        columns += [
+            wave * 2 * np.pi * frequency * deviation * change
+            for deviation, change in ((np.hypot(0.02, least), turn), (0.03, rise))
+        ]
+        level = 4 * snr * (1 + channels * snr) * (1 + snr / 10) ** 4
+        inverse = np.linalg.inv(np.eye(channels) + level * sum(np.outer(c, c.conj()) for c in columns))
+        vectors = np.exp(2j * np.pi * frequency * beams)
+        expected = np.einsum("bi,ij,bj->b", vectors.conj(), inverse, vectors).real
+        np.testing.assert_allclose(gain[number], expected, rtol=5e-3, atol=1e-2)
+        products = np.einsum("bi,ij,kj->kb", vectors.conj(), inverse, np.asarray(scan.spectra)[:, number])
+        np.testing.assert_allclose(power[number], (np.abs(products) ** 2).sum(axis=0), rtol=3e-2, atol=3e-2)
+
+
+def test_a_closer_look_above_the_horizon_says_the_same() -> None:
+    plan = planned(FLAT, beams=96, elevation=(0.0, 1.2))
+    likelihood = UnknownNoise(plan.grid, (-20.0, 10.0), plan)
+    scan = heard(plan, 3, source=(1.3, 1.0))
+    bearing, elevation = (jnp.linspace(*ends, 5, dtype=jnp.float32) for ends in ((1.1, 1.4), (0.1, 0.4)))
+    belief = WaveState(bearing, jnp.zeros(5), jnp.linspace(-6.0, 0.0, 5), elevation)
+    closer = likelihood.zoomed(scan, belief, jnp.full(5, -jnp.log(5.0)))
+    np.testing.assert_allclose(closer.log_ratio(belief), likelihood.log_ratio(scan, belief), atol=0.3)
+
+
+def test_directions_above_each_other_are_alike_within_a_lobe() -> None:
+    grid = planned(FLAT, beams=24, elevation=(0.0, 1.2)).grid
+    bearing, elevation = grid.directions
+    assert elevation is not None
+    states = WaveState(*(jnp.asarray(part, jnp.float32) for part in (bearing, 0 * bearing, 0 * bearing, elevation)))
+    number = 24 * 4 + 7
+    centre = jax.tree.map(lambda values: values[number : number + 1], states)
+    close = np.asarray(alike(grid, states, centre))[0].reshape(grid.rings, 24)
+    assert close[4, 7]
+    assert not close[-1, 7]
+    assert not close[4, 19]

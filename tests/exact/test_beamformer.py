@@ -1,10 +1,13 @@
 """A plane wave adds up at its bearing, and beam power is what delaying and summing gives."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from faintrack.data.recording import from_samples
+from faintrack.errors import InputError
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 from faintrack.sensors.beams import BeamScan
 from faintrack.signal.beamformer import Beamformer, beamformer
@@ -43,7 +46,7 @@ def scan(plan: Beamformer, samples: np.ndarray, dtype: type) -> BeamScan:
     return part(scan_frames(plan, jnp.zeros(1, dtype), jnp.asarray(samples[None], dtype), usable), 0)
 
 
-def plan_for(array: SensorArray, dtype: type = np.float64, beams: int = 72, **options: float) -> Beamformer:
+def plan_for(array: SensorArray, dtype: type = np.float64, beams: int = 72, **options: Any) -> Beamformer:
     return beamformer(array, RATE, frame=SIZE / RATE, snapshot=SIZE / RATE, beams=beams, dtype=dtype, **options)
 
 
@@ -174,3 +177,38 @@ def test_single_precision_is_double_precision_rounded(float64: type) -> None:
     double, single = (scan(plan_for(CIRCLE, dtype), samples, dtype) for dtype in (np.float64, np.float32))
     assert single.beam_power.dtype == np.float32
     assert_equal(single.beam_power, double.beam_power, np.float32, OPERATIONS, scale=1.0)
+
+
+@pytest.mark.parametrize("case", ["plane", "space", "mirrored"])
+@pytest.mark.parametrize("beams", [12, 13])
+def test_rings_of_beams_delay_and_sum(case: str, beams: int, dtype: type) -> None:
+    """Every beam of every ring, against channels delayed by the product of position and direction."""
+    mirrored = sensor_array(np.array([[0.3, 1.0, 0.2], [-1.5, 0.4, 0.0], [1.5, -0.4, 0.0], [-0.3, -1.0, -0.2]]))
+    array = mirrored if case == "mirrored" else ARRAYS[case]
+    plan = plan_for(array, dtype, beams, elevation=(0.0, 1.2))
+    assert plan.mirrored == (case == "mirrored")
+    samples = np.random.default_rng(4).normal(size=(SIZE, 4))
+    heard = scan(plan, samples, dtype)
+    bearing, elevation = plan.grid.directions
+    assert elevation is not None
+    assert len(bearing) == beams * plan.grid.rings
+    assert elevation[beams] == pytest.approx(0)
+    assert elevation[-beams - 1] == pytest.approx(1.2)
+    level = np.cos(elevation)
+    direction = np.stack([level * np.sin(bearing), level * np.cos(bearing), np.sin(elevation)])
+    spectra = np.fft.rfft(samples, axis=0)[1:-1] / np.sqrt(SIZE)
+    advance = array.positions @ direction / array.sound_speed
+    turned = np.exp(-2j * np.pi * plan.grid.frequency[:, None, None] * advance)
+    power = np.abs(np.einsum("fcb,fc->fb", turned, spectra)) ** 2
+    assert_equal(heard.beam_power, power, dtype, OPERATIONS, scale=power.max())
+
+
+def test_elevations_that_an_array_cannot_tell_are_refused() -> None:
+    with pytest.raises(InputError, match="the array is a line, which hears every wave of a cone"):
+        plan_for(LINE, elevation=(0.0, 1.0))
+    with pytest.raises(InputError, match=r"elevation_deg begins at -28\.6479, and the channels lie in a level plane"):
+        plan_for(CIRCLE, elevation=(-0.5, 1.0))
+    assert plan_for(ARRAYS["space"], elevation=(-0.5, 1.0)).grid.elevations[1] == -0.5
+    wide = sensor_array(1000 * CIRCLE.positions)
+    with pytest.raises(InputError, match=r"rings of beams at 468\.75 Hz; expected at most 128"):
+        plan_for(wide, elevation=(0.0, 1.0))

@@ -11,8 +11,15 @@ import pytest
 
 from faintrack.beliefs.belief import Belief, covariance, mean
 from faintrack.filters.run import run
-from faintrack.targets.motion import BearingMotion, Noise, PlanarMotion, piecewise_acceleration, white_acceleration
-from faintrack.targets.states import BearingState, PlanarState
+from faintrack.targets.motion import (
+    BearingMotion,
+    Noise,
+    PlanarMotion,
+    WaveMotion,
+    piecewise_acceleration,
+    white_acceleration,
+)
+from faintrack.targets.states import BearingState, PlanarState, WaveState
 from faintrack.trackers.single import SingleTargetTracker
 from tests.scenes import Scene, batch, followed, part, predict, start, step, update
 from tests.tolerances import assert_equal, assert_same_mean, rounding
@@ -146,6 +153,10 @@ def noise_covariance(noise: Noise, interval: float, dtype: type) -> np.ndarray:
 MOTIONS = {
     "line, reflected at its end": (BearingMotion(0.1, 0.5), BearingState(*jnp.array([[0.1], [-0.3], [-10.0]]))),
     "circle, wrapped": (BearingMotion(0.1, 0.5, circular=True), BearingState(*jnp.array([[-3.1], [-0.3], [-10.0]]))),
+    "above the horizon": (
+        WaveMotion(BearingMotion(0.1, 0.5, circular=True), 0.1, 0.0, 1.2),
+        WaveState(*jnp.array([[-3.1], [-0.3], [-10.0], [0.1]])),
+    ),
     "plane": (PlanarMotion(0.4), PlanarState(*jnp.array([[1.0], [2.0], [-1.0], [0.5]]))),
 }
 

@@ -11,10 +11,16 @@ from faintrack.data.recording import from_samples
 from faintrack.kinds.beamforming import build_beamformer
 from faintrack.kinds.door import track
 from faintrack.kinds.scenario import Scenario
-from faintrack.sensors.array import line_array
+from faintrack.sensors.array import line_array, sensor_array
 
 SAMPLE_RATE = 4000.0
 """Hz."""
+
+INFRASOUND_RATE, INFRASOUND_FRAME, RADIUS = 50.0, 10.0, 75.0
+"""Of the recording of an array of microphones: Hz, seconds; of the circle on which they stand: metres."""
+
+MICROPHONES = 8
+"""On the circle."""
 
 
 def track_55ch_realtime(machine: Machine, sizes: Sizes) -> Row:
@@ -39,3 +45,27 @@ def track_55ch_realtime(machine: Machine, sizes: Sizes) -> Row:
         "matrix product and random numbers drawn at once, nothing else"
     )
     return row("track_55ch_realtime", "s", timing, note, duration / 50, float(duration), limit)
+
+
+def track_above_horizon(machine: Machine, sizes: Sizes) -> Row:
+    """A recording with the elevation of waves in the state; the peer is ours of level waves."""
+    duration = sizes.recording_seconds * INFRASOUND_FRAME
+    around = 2 * np.pi * np.arange(MICROPHONES) / MICROPHONES + 0.3 * np.sin(np.arange(MICROPHONES) ** 2)
+    array = sensor_array(RADIUS * np.stack([np.sin(around), np.cos(around)], axis=-1), 340.0)
+    shape = round(duration * INFRASOUND_RATE), MICROPHONES
+    recording = from_samples(np.random.default_rng(0).standard_normal(shape, dtype=np.float32), INFRASOUND_RATE)
+    scenario: Any = Scenario(
+        array=array,
+        analysis={"band": (1.0, 8.0), "frame": INFRASOUND_FRAME},
+        filter={"particles": sizes.particles, "births": sizes.births},
+    )
+    level = timed(lambda: track(recording, scenario).tracks, sizes.repeat_seconds)
+    above = {"elevation_deg": (0.0, 80.0)}
+    timing = timed(lambda: track(recording, scenario, target=above).tracks, sizes.repeat_seconds)
+    grid = build_beamformer(scenario.analysis, array, INFRASOUND_RATE, True, above["elevation_deg"]).grid
+    note = (
+        f"{duration:g} s of {MICROPHONES} channels at {INFRASOUND_RATE:g} Hz in memory, {INFRASOUND_FRAME:g} s frames, "
+        f"{grid.rings} rings of {grid.beams} beams, {sizes.particles} + {sizes.births} particles; peer: ours with all "
+        "waves level, one ring"
+    )
+    return row("track_above_horizon", "s", timing, note, None, level.least)

@@ -9,6 +9,7 @@ from faintrack.scenario.array import ArrayDescription
 from faintrack.sensors.array import SensorArray, straightened
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.channels import Doubt
+from faintrack.signal.trace_velocity import Crossing
 
 SMALLEST, LARGEST = 0.25, 2000.0
 """Lengths of the shortest wave that an array spans at least to tell a bearing, and at most to be an array of one."""
@@ -147,6 +148,31 @@ def about_channels(names: Sequence[str], found: Sequence[Doubt]) -> tuple[str, .
                 f"by {doubt.factor:g}."
             )
     return tuple(remarks)
+
+
+def about_crossing(across: Crossing, sound_speed: float) -> tuple[str, ...]:
+    """Waves that cross an array at another speed than is expected; one sentence.
+
+    Parameters
+    ----------
+    across : of frames in which that is so.
+    sound_speed : along the array; m/s.
+    """
+    bearing, trace = np.degrees(across.bearing), sound_speed / across.slowness
+    where = f"What is heard from about {bearing:.0f} degrees crosses the array at {trace:.0f} m/s"
+    lost = f"bearings that are given take {across.inside:.0f} of its {across.free:.0f} nats"
+    if across.slowness > 1:
+        return (
+            f"{where}, slower than sound, {sound_speed:g} m/s: expected another sound_speed of the array, or a source "
+            f"farther off than the array is long; {lost}, and are wrong or missing.",
+        )
+    above = np.degrees(np.arccos(across.slowness))
+    taken = "for level" if across.expected == (1.0, 1.0) else "as in target.elevation_deg"
+    return (
+        f"{where}, not {sound_speed:g}: from {above:.0f} degrees above the horizon, where waves are taken {taken}; "
+        f"expected target.elevation_deg, as [0, 80]. As it is {lost}, and are wrong "
+        "or missing.",
+    )
 
 
 def _grating_lobe(array: SensorArray, frequency: np.ndarray) -> tuple[float, float] | None:

@@ -58,13 +58,13 @@ from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.signal.array_background import NoiseModes
 from faintrack.signal.beamformer import Beamformer
-from faintrack.targets.states import BearingState
+from faintrack.targets.states import BearingState, WaveState
 
 ORDERS = 4
 """Of the patterns along the array that a snapshot of finite length leaves of a wave."""
 
 COLUMNS = ORDERS + 1
-"""Of the covariance of one source: its patterns along the array, and what a turn adds."""
+"""Of the covariance of one source: its patterns along the array, and what a turn adds; and a rise, if it may rise."""
 
 TURN = 0.01
 """Angle over which the delays are differentiated; radians."""
@@ -123,16 +123,19 @@ class Sources(eqx.Module):
     bearing, deviation : mean and standard deviation; radians.
     snr : power over that of the noise at one channel, linear.
     existence : probability that it is there.
+    elevation, elevation_deviation : mean and standard deviation, radians; None of level waves.
     """
 
     bearing: Float[Array, " source"]
     deviation: Float[Array, " source"]
     snr: Float[Array, " source"]
     existence: Float[Array, " source"]
+    elevation: Float[Array, " source"] | None = None
+    elevation_deviation: Float[Array, " source"] | None = None
 
 
 def sources_of(
-    states: BearingState, log_weights: Float[Array, "source point"], existence: Float[Array, " source"]
+    states: BearingState | WaveState, log_weights: Float[Array, "source point"], existence: Float[Array, " source"]
 ) -> Sources:
     """Sources from the points of their beliefs.
 
@@ -148,14 +151,21 @@ def sources_of(
     off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
     deviation = jnp.sqrt(jnp.sum(weights * off**2, axis=1))
     snr = 10 ** (jnp.sum(weights * states.snr_db, axis=1) / 10)
-    return Sources(middle, deviation, snr, existence)
+    if not isinstance(states, WaveState):
+        return Sources(middle, deviation, snr, existence)
+    elevation = jnp.sum(weights * states.elevation, axis=1)
+    above = jnp.sqrt(jnp.sum(weights * (states.elevation - elevation[:, None]) ** 2, axis=1))
+    return Sources(middle, deviation, snr, existence, elevation, above)
 
 
 def steered(
-    array: SensorArray, frequency: Float[Array, " frequency"], bearing: Float[Array, " bearing"]
+    array: SensorArray,
+    frequency: Float[Array, " frequency"],
+    bearing: Float[Array, " bearing"],
+    elevation: Float[Array, " bearing"] | None = None,
 ) -> tuple[Complex[Array, "frequency bearing channel"], Float[Array, "bearing channel"]]:
     """Steering vectors, and the delays about their mean; s."""
-    delays = array.delays(bearing)
+    delays = array.delays(bearing, elevation)
     sine, cosine = sine_cosine(2 * jnp.pi * frequency[:, None, None] * delays)
     return jax.lax.complex(cosine, -sine), delays - jnp.mean(delays, axis=-1, keepdims=True)
 
@@ -186,13 +196,19 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
     level = 4 * snr * (1 + channels * snr) * (1 + snr / 10) ** 4 * sources.existence
     true = jnp.where(level > 0, snr * sources.existence / jnp.where(level > 0, level, 1), 0)
 
+    above = () if sources.elevation is None else (sources.elevation, sources.elevation_deviation)
+    columns_of_each = COLUMNS + (1 if above else 0)
+
     def added(held: Any, source: Any) -> tuple[Any, None]:
         return jax.lax.cond(source[2] > 0, taken_in, lambda held, source: held, held, source), None
 
     def taken_in(held: tuple[Array, ...], source: tuple[Array, ...]) -> tuple[Array, ...]:
-        bearing, deviation, level, true, number = source
-        directions = jnp.stack([bearing, bearing + TURN, bearing - TURN])
-        vectors, delays = steered(array, frequency, directions)
+        bearing, deviation, level, true, number, *raised = source
+        directions = [jnp.stack([bearing, bearing + TURN, bearing - TURN, *(bearing for _ in raised)])]
+        if raised:
+            elevation = raised[0]
+            directions.append(jnp.stack([*(elevation for _ in range(3)), elevation + TURN, elevation - TURN]))
+        vectors, delays = steered(array, frequency, *directions)
         middle, lag = vectors[:, 0] * used, resolution * delays[0]
         turned = jnp.pi / TURN * frequency[:, None] * (delays[1] - delays[2])
         # Positions are not known to less than this either.
@@ -204,7 +220,11 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
         faded = jnp.exp(-CURVATURE * lag**2)
         shapes = jnp.stack([stretched**order / math.sqrt(math.factorial(order)) for order in range(ORDERS)]) * faded
         shapes = jnp.broadcast_to(shapes[:, None], (ORDERS, *turned.shape))
-        patterns = middle * jnp.concatenate([shapes, turned[None]]) * jnp.sqrt(level)
+        beside = [shapes, turned[None]]
+        if raised:
+            lifted = raised[1] * jnp.pi / TURN * frequency[:, None] * (delays[3] - delays[4])
+            beside.append((lifted / jnp.maximum(jnp.max(jnp.abs(lifted), axis=1, keepdims=True), 1))[None])
+        patterns = middle * jnp.concatenate(beside) * jnp.sqrt(level)
 
         def one(place: Any, held: tuple[Array, ...]) -> tuple[Array, ...]:
             columns, left, spectra, share = held
@@ -226,13 +246,13 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
             taken = jnp.sum(jnp.abs(column_of_inverse) ** 2, axis=1) if noise is None else 1 - 1 / scale
             return columns, left, spectra, share + taken - true * (1 - 1 / scale)
 
-        return jax.lax.fori_loop(0, COLUMNS, one, held)
+        return jax.lax.fori_loop(0, columns_of_each, one, held)
 
     before = scan.field if scan.field is not None else _empty(scan)
     first, noise = len(before.columns), before.noise
-    room = ((0, len(sources.bearing)), (0, 0), (0, 0), (0, 0))
+    room = ((0, len(sources.bearing)), (0, columns_of_each - before.columns.shape[1]), (0, 0), (0, 0))
     start = (jnp.pad(before.columns, room), jnp.pad(before.patterns, room), before.spectra, jnp.zeros_like(frequency))
-    each = (sources.bearing, sources.deviation, level, true, jnp.arange(len(sources.bearing)))
+    each = (sources.bearing, sources.deviation, level, true, jnp.arange(len(sources.bearing)), *above)
     (columns, left, spectra, share), _ = jax.lax.scan(added, start, each)
     some = jnp.any(level > 0)
     lost = IMPRECISE * scan.total_power
@@ -289,7 +309,7 @@ def beams_beside(
         own = jax.lax.dynamic_index_in_dim(field.columns, number)
         return jax.lax.cond(used[number], lambda: gain - beamformer.beam_power(own)[0], lambda: gain)
 
-    shape = (len(field.energy), beamformer.grid.beams)
+    shape = (len(field.energy), beamformer.grid.beams * beamformer.grid.rings)
     before = jnp.full(shape, scan.channels) if field.noise is None else field.noise.gain
     gain = jax.lax.fori_loop(0, len(used), less, before) if len(used) else before
     alone = ~jnp.any(used) & (True if field.noise is None else field.noise.white)
@@ -303,23 +323,34 @@ def with_beams(beamformer: Beamformer, scan: BeamScan) -> BeamScan:
     return dataclasses.replace(scan, field=dataclasses.replace(scan.field, power=power, gain=gain))
 
 
-def coherence(grid: BeamGrid, bearing: Float[Array, " source"], dtype: Any) -> Float[Array, "source bearing"]:
+def coherence(
+    grid: BeamGrid, bearing: Float[Array, " source"], dtype: Any, elevation: Float[Array, " source"] | None = None
+) -> Float[Array, "source beam"]:
     """Coherence of directions with those of all beams, averaged over the band (the module's last paragraph)."""
     array = grid.array
     assert array is not None
     few = np.unique(np.linspace(0, grid.frequency.size - 1, BINS).round().astype(int))
     frequency = jnp.asarray(grid.frequency[few], dtype)
-    beams, _ = steered(array, frequency, jnp.asarray(grid.bearing, dtype))
-    vectors, _ = steered(array, frequency, bearing)
+    around, above = grid.directions
+    directions = jnp.asarray(around, dtype), None if above is None else jnp.asarray(above, dtype)
+    beams, _ = steered(array, frequency, *directions)
+    vectors, _ = steered(array, frequency, bearing, elevation)
     alive = jnp.asarray(array.alive, dtype)
     products = jnp.einsum("fsc,fbc->fsb", (vectors * alive).conj(), beams)
     return jnp.mean(jnp.abs(products) ** 2, axis=0) / jnp.sum(alive) ** 2
 
 
-def alike(grid: BeamGrid, states: BearingState, centres: BearingState) -> Bool[Array, "centre *points"]:
+def alike(
+    grid: BeamGrid, states: BearingState | WaveState, centres: BearingState | WaveState
+) -> Bool[Array, "centre *points"]:
     """Which directions are alike to those of the centres, taken at the nearest beams."""
-    close = coherence(grid, centres.bearing, states.bearing.dtype) > COHERENT
+    elevation = centres.elevation if isinstance(centres, WaveState) else None
+    close = coherence(grid, centres.bearing, states.bearing.dtype, elevation) > COHERENT
     first, spacing = grid.bearing[0], grid.bearing[1] - grid.bearing[0]
     number = jnp.round((states.bearing - first) / spacing).astype(jnp.int32)
     number = number % grid.beams if grid.circular else jnp.clip(number, 0, grid.beams - 1)
+    if isinstance(states, WaveState):
+        lowest, step = grid.elevations[0], grid.elevations[1] - grid.elevations[0]
+        ring = jnp.clip(jnp.round((states.elevation - lowest) / step).astype(jnp.int32), 0, grid.rings - 1)
+        number = ring * grid.beams + number
     return close[:, number]

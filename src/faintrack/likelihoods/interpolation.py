@@ -51,6 +51,13 @@ def bearing_neighbours(grid: BeamGrid, bearing: Float[Array, "*points"]) -> Neig
     return [(mirrored(index), weight) for index, weight in neighbours(bearing * last / jnp.pi)]
 
 
+def elevation_neighbours(grid: BeamGrid, elevation: Float[Array, "*points"]) -> Neighbours:
+    """Neighbours among the rings of a grid; elevations beyond those that are looked at are read at their ends."""
+    first, step, last = grid.elevations[0], grid.elevations[1] - grid.elevations[0], grid.rings - 1
+    place = jnp.clip((elevation - first) / step, 1, last - 1)
+    return [(jnp.minimum(index, last), weight) for index, weight in neighbours(place)]
+
+
 def read(table: Float[Array, " bearing"], near: Neighbours) -> Float[Array, "..."]:
     """Values of a table between its points.
 
@@ -73,6 +80,21 @@ def read_plane(
         (
             row_weight * sum((table[row, column] * weight for column, weight in near_column), start=jnp.zeros(()))
             for row, row_weight in near_row
+        ),
+        start=jnp.zeros(()),
+    )
+
+
+def read_space(
+    table: Float[Array, "ring bearing snr"], near_ring: Neighbours, near_row: Neighbours, near_column: Neighbours
+) -> Float[Array, "..."]:
+    """Values of a table of three axes between its points; see `read`."""
+    rings, rows, columns = table.shape
+    flat = table.reshape(rings * rows, columns)
+    return sum(
+        (
+            weight * read_plane(flat, [(ring * rows + row, share) for row, share in near_row], near_column)
+            for ring, weight in near_ring
         ),
         start=jnp.zeros(()),
     )

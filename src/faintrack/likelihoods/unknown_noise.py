@@ -27,6 +27,9 @@ Sources that are there already are part of the noise (`faintrack.likelihoods.arr
     \log \ell = -\sum_f K \left[ \log(1 + a w_f)
     + M'_f \log\left(1 - \frac{a w_f}{1 + a w_f} \frac{P_f}{w_f E_f}\right) \right].
 
+A wave that need not be level has the same ratio in the direction that it comes from: bearing and elevation, in a table
+of one axis more.
+
 Under a taper neighbouring bins and snapshots say the same in part; the logarithm then counts by the share of them that
 is independent.
 """
@@ -41,12 +44,18 @@ from jaxtyping import Array, Bool, Complex, Float, PRNGKeyArray
 
 from faintrack.likelihoods.array_field import alike, beams_beside, beside, sources_of, steered, with_beams
 from faintrack.likelihoods.beam_proposal import along_beams
-from faintrack.likelihoods.interpolation import bearing_neighbours, neighbours, read_plane
+from faintrack.likelihoods.interpolation import (
+    bearing_neighbours,
+    elevation_neighbours,
+    neighbours,
+    read_plane,
+    read_space,
+)
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.spectra import beams_of
 from faintrack.signal.beamformer import Beamformer
-from faintrack.targets.states import BearingState
+from faintrack.targets.states import BearingState, WaveState
 from faintrack.targets.target import UniformBirth
 
 MOST_CHANNELS = 1000
@@ -55,6 +64,9 @@ MOST_CHANNELS = 1000
 
 DIRECTIONS, LEVELS = 33, 9
 """Points of a table near a belief, in bearing and in SNR."""
+
+ACROSS = 17
+"""Points of such a table in bearing and in elevation each, where waves need not be level."""
 
 REACH = 4.0
 """Standard deviations of a belief to either side that its table reaches."""
@@ -71,15 +83,18 @@ class Zoomed(eqx.Module):
     bearing, reach : middle of the table and half of its width; radians.
     snr_db, reach_db : the same of the SNR; dB.
     table : log ratio.
+    elevation, reach_up : the same of the elevation, radians; None of level waves.
     """
 
     bearing: Float[Array, ""]
     reach: Float[Array, ""]
     snr_db: Float[Array, ""]
     reach_db: Float[Array, ""]
-    table: Float[Array, "bearing snr"]
+    table: Float[Array, "*ring bearing snr"]
+    elevation: Float[Array, ""] | None = None
+    reach_up: Float[Array, ""] | None = None
 
-    def log_ratio(self, states: BearingState) -> Float[Array, "*points"]:
+    def log_ratio(self, states: BearingState | WaveState) -> Float[Array, "*points"]:
         """Natural log of p(scan | source at state) / p(scan | no source); states beyond are read at the ends."""
         off = states.bearing - self.bearing
         off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
@@ -88,15 +103,21 @@ class Zoomed(eqx.Module):
             place = (jnp.clip(off / reach, -1, 1) + 1) / 2 * (count - 1)
             return [(jnp.clip(column, 0, count - 1), weight) for column, weight in neighbours(place)]
 
-        rows, columns = self.table.shape
+        *rings, rows, columns = self.table.shape
         of_snr = along(states.snr_db - self.snr_db, self.reach_db, columns)
-        return read_plane(self.table, along(off, self.reach, rows), of_snr)
+        of_bearing = along(off, self.reach, rows)
+        if not isinstance(states, WaveState):
+            return read_plane(self.table, of_bearing, of_snr)
+        assert self.elevation is not None
+        assert self.reach_up is not None
+        of_elevation = along(states.elevation - self.elevation, self.reach_up, rings[0])
+        return read_space(self.table, of_elevation, of_bearing, of_snr)
 
 
 @full_precision
 def _heard(
-    vectors: Complex[Array, "frequency bearing channel"], scan: BeamScan
-) -> tuple[Float[Array, "frequency bearing"], Float[Array, "frequency bearing"]]:
+    vectors: Complex[Array, "frequency direction channel"], scan: BeamScan
+) -> tuple[Float[Array, "frequency direction"], Float[Array, "frequency direction"]]:
     """P and w in some directions."""
     spectra = scan.spectra if scan.field is None else scan.field.spectra
     power = jnp.sum(jnp.abs(jnp.einsum("fbc,kfc->kfb", vectors.conj(), spectra)) ** 2, axis=0)
@@ -130,8 +151,8 @@ class UnknownNoise(eqx.Module):
         low, high = self.snr_db
         return np.linspace(low, high, max(4, math.ceil(high - low) + 1))
 
-    def table(self, scan: BeamScan, snr_db: Float[Array, " snr"] | None = None) -> Float[Array, "bearing snr"]:
-        """Log ratio at every bearing of the grid and every SNR; those of the table where not given; dB."""
+    def table(self, scan: BeamScan, snr_db: Float[Array, " snr"] | None = None) -> Float[Array, "beam snr"]:
+        """Log ratio at every beam of the grid and every SNR; those of the table where not given; dB."""
         snr_db = jnp.asarray(self.snr_axis_db) if snr_db is None else snr_db
         if scan.field is not None:
             assert self.beamformer is not None
@@ -154,9 +175,9 @@ class UnknownNoise(eqx.Module):
         self,
         scan: BeamScan,
         snr_db: Float[Array, " snr"],
-        power: Float[Array, "frequency bearing"],
-        gain: Float[Array, "frequency bearing"],
-    ) -> Float[Array, "bearing snr"]:
+        power: Float[Array, "frequency direction"],
+        gain: Float[Array, "frequency direction"],
+    ) -> Float[Array, "direction snr"]:
         """The module's last equation, in directions of which P and w are given."""
         energy, dimensions = scan.total_power, jnp.full_like(scan.total_power, scan.channels)
         if scan.field is not None:
@@ -190,30 +211,34 @@ class UnknownNoise(eqx.Module):
         return self.grid.snapshots * self.grid.independent
 
     @eqx.filter_jit
-    def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
+    def log_ratio(self, scan: BeamScan, states: BearingState | WaveState) -> Float[Array, "*points"]:
         r"""Natural log of p(scan | source at state) / p(scan | no source).
 
         Parameters
         ----------
         scan : one frame.
-        states : `bearing` and `snr_db` are read.
+        states : `bearing` and `snr_db` are read, and `elevation` where waves need not be level.
 
         Notes
         -----
-        The module's equation, tabulated over bearing and SNR and interpolated by the states. Check: the mean of exp(log
-        ratio) under noise of any power is 1.
+        The module's equation, tabulated over direction and SNR and interpolated by the states. Check: the mean of
+        exp(log ratio) under noise of any power is 1.
         """
         table = self.table(scan)
         low, high = self.snr_db
         last = table.shape[1] - 1
         columns = neighbours(jnp.clip((states.snr_db - low) / (high - low), 0, 1) * last)
         inside = [(jnp.clip(column, 0, last), weight) for column, weight in columns]
-        return read_plane(table, bearing_neighbours(self.grid, states.bearing), inside)
+        of_bearing = bearing_neighbours(self.grid, states.bearing)
+        if not isinstance(states, WaveState):
+            return read_plane(table, of_bearing, inside)
+        rings = table.reshape(self.grid.rings, self.grid.beams, -1)
+        return read_space(rings, elevation_neighbours(self.grid, states.elevation), of_bearing, inside)
 
     def beside(
         self,
         scan: BeamScan,
-        states: BearingState,
+        states: BearingState | WaveState,
         log_weights: Float[Array, "source point"],
         existence: Float[Array, " source"],
     ) -> BeamScan:
@@ -226,11 +251,13 @@ class UnknownNoise(eqx.Module):
         assert self.beamformer is not None
         return with_beams(self.beamformer, scan)
 
-    def alike(self, scan: BeamScan, states: BearingState, centres: BearingState) -> Bool[Array, "centre *points"]:
+    def alike(
+        self, scan: BeamScan, states: BearingState | WaveState, centres: BearingState | WaveState
+    ) -> Bool[Array, "centre *points"]:
         """Which states are one source to the array with those of the centres."""
         return alike(self.grid, states, centres)
 
-    def zoomed(self, scan: BeamScan, states: BearingState, log_weights: Float[Array, " point"]) -> Zoomed:
+    def zoomed(self, scan: BeamScan, states: BearingState | WaveState, log_weights: Float[Array, " point"]) -> Zoomed:
         """What a scan says near a belief, in directions of its own."""
         assert scan.spectra is not None, "a scan that is looked at closely has its spectra"
         assert self.grid.array is not None, "an array that is looked at closely is known"
@@ -244,20 +271,26 @@ class UnknownNoise(eqx.Module):
         deviation_db = jnp.sqrt(jnp.sum(weights * (states.snr_db - middle_db) ** 2))
         reach_db = REACH * jnp.maximum(deviation_db, 0.5)
         snr_db = jnp.clip(middle_db + reach_db * jnp.linspace(-1, 1, LEVELS, dtype=dtype), *self.snr_db)
-        vectors, _ = steered(
-            self.grid.array, jnp.asarray(self.grid.frequency, dtype), believed.bearing[0] + reach * offsets
-        )
-        table = self._beside(scan, snr_db, *_heard(vectors, scan))
-        return Zoomed(believed.bearing[0], reach, middle_db, reach_db, table)
+        frequency, middle = jnp.asarray(self.grid.frequency, dtype), believed.bearing[0]
+        if believed.elevation is None or believed.elevation_deviation is None:
+            vectors, _ = steered(self.grid.array, frequency, middle + reach * offsets)
+            return Zoomed(middle, reach, middle_db, reach_db, self._beside(scan, snr_db, *_heard(vectors, scan)))
+        elevation = believed.elevation[0]
+        reach_up = REACH * jnp.maximum(believed.elevation_deviation[0], NARROWEST)
+        offsets = jnp.linspace(-1, 1, ACROSS, dtype=dtype)
+        around = jnp.tile(middle + reach * offsets, ACROSS), jnp.repeat(elevation + reach_up * offsets, ACROSS)
+        vectors, _ = steered(self.grid.array, frequency, *around)
+        table = self._beside(scan, snr_db, *_heard(vectors, scan)).reshape(ACROSS, ACROSS, -1)
+        return Zoomed(middle, reach, middle_db, reach_db, table, elevation, reach_up)
 
     def propose(
         self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
-    ) -> tuple[BearingState, Float[Array, " count"]]:
+    ) -> tuple[BearingState | WaveState, Float[Array, " count"]]:
         """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
         return along_beams(self, scan, birth, key, count)
 
     def simulate(
-        self, scan: BeamScan, states: BearingState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+        self, scan: BeamScan, states: BearingState | WaveState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
     ) -> BeamScan:
         """Scan drawn from the module's model, with noise of power 1: the ratio is the same for any."""
         return beams_of(self.grid, scan, states, present, 1.0, key)

@@ -24,7 +24,7 @@ from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.spectra import beams_of
-from faintrack.targets.states import BearingState
+from faintrack.targets.states import BearingState, WaveState
 from faintrack.targets.target import UniformBirth
 
 
@@ -62,7 +62,7 @@ class WhiteSignal(eqx.Module):
 
     def propose(
         self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
-    ) -> tuple[BearingState, Float[Array, " count"]]:
+    ) -> tuple[BearingState | WaveState, Float[Array, " count"]]:
         """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
         return along_beams(self, scan, birth, key, count)
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from faintrack.errors import InputError
 from faintrack.results.result import Result
-from faintrack.results.schema import column, places, units
+from faintrack.results.schema import column, places, rates, units
 from faintrack.results.track import DEGREES
 from faintrack.results.truth import finding_table, unexplained
 from faintrack.scenario.section import to_toml
@@ -49,6 +49,11 @@ def track_headings(result: Result) -> list[tuple[str, str, str]]:
         shown.append((f"{column(place[0], of[place[0]])}_std", f"std\n{_short(of[place[0]])}", ".2g"))
     rate = f"{of[place[0]]}/s"
     shown.append((column("speed", rate), f"speed\n{_short(rate)}", ".3g"))
+    shown += [
+        (column(name, unit), f"{name.replace('_', ' ')}\n{_short(unit)}", ".1f" if unit == "degree" else ".4g")
+        for name, unit in of.items()
+        if name not in (*place, *rates(data).values()) and unit != "dB"
+    ]
     shown += [
         (column(name, unit), f"{name.removesuffix('_db').upper()}\ndB", ".1f")
         for name, unit in of.items()

@@ -10,7 +10,12 @@ steering vector :math:`d_m = e^{-j 2\pi f \tau_m}` (eq. 15).
 
 A **line** of sensors cannot tell the two sides of its axis apart: its bearing is the angle between source
 and axis, 0 to pi. Any other geometry measures the full circle: bearing in the plane x (east), y (north), clockwise
-from north, -pi to pi. A three-dimensional array is steered horizontally as well.
+from north, -pi to pi. Waves are **level** unless an elevation :math:`\varepsilon` is given, with
+
+.. math:: u(\psi, \varepsilon) = (\cos\varepsilon \sin\psi, \; \cos\varepsilon \cos\psi, \; \sin\varepsilon) .
+
+Channels in a level plane hear such a wave as a level one of the speed :math:`c / \cos\varepsilon`, its **trace
+velocity**: they tell how far it is off the horizon, and not on which side.
 """
 
 import dataclasses
@@ -55,29 +60,37 @@ class SensorArray(eqx.Module):
         return self.gains != 0
 
     @full_precision
-    def delays(self, bearing: RealArray) -> RealArray:
+    def delays(self, bearing: RealArray, elevation: RealArray | None = None) -> RealArray:
         r"""How much later than the origin each channel hears a plane wave; seconds.
 
         Parameters
         ----------
         bearing : direction that the wave comes from; radians, from the axis of a line array, otherwise
             clockwise from north. A NumPy array gives a NumPy array, a JAX array a JAX array.
+        elevation : above the horizon, of the same shape; radians. Level waves where not given, as of a line array.
 
         Notes
         -----
-        .. math:: \tau_m = -p_m \cdot u(\psi) / c
+        .. math:: \tau_m = -p_m \cdot u(\psi, \varepsilon) / c
 
         Examples
         --------
         >>> array = line_array(count=2, spacing=1500.0, sound_speed=1500.0)
         >>> array.delays(np.array(0.0)).tolist()
         [0.5, -0.5]
+        >>> square = sensor_array(np.array([[0.0, 0.0], [0.0, 1500.0], [1500.0, 0.0], [1500.0, 1500.0]]))
+        >>> square.delays(np.array(0.0), np.array(np.pi / 3)).round(3).tolist()
+        [0.25, -0.25, 0.25, -0.25]
         """
         xp = bearing.__array_namespace__()
         positions = xp.asarray(self.positions, dtype=bearing.dtype)
         if self.axis is not None:
             along = positions @ xp.asarray(self.axis, dtype=bearing.dtype)
             return -xp.cos(bearing)[..., None] * along / self.sound_speed
+        if elevation is not None:
+            across = xp.sin(bearing)[..., None] * positions[:, 0] + xp.cos(bearing)[..., None] * positions[:, 1]
+            up = xp.sin(elevation)[..., None] * positions[:, 2]
+            return -(xp.cos(elevation)[..., None] * across + up) / self.sound_speed
         return (
             -(xp.sin(bearing)[..., None] * positions[:, 0] + xp.cos(bearing)[..., None] * positions[:, 1])
             / self.sound_speed

@@ -21,7 +21,8 @@ class BeamScan(eqx.Module):
     Attributes
     ----------
     time : middle of the frame; seconds from the start of the recording.
-    beam_power : shape (frequency, bearing); :math:`\sum_k |\sum_m d_m^* z_{kmf}|^2` over snapshots k and channels m.
+    beam_power : shape (frequency, beam); :math:`\sum_k |\sum_m d_m^* z_{kmf}|^2` over snapshots k and channels m. Of
+        several rings of beams the first comes first.
     total_power : shape (frequency,); :math:`\sum_k \sum_m |z_{kmf}|^2`.
     channels : number of channels that were used in this frame; below 2 the frame says nothing.
     spectra : what the powers were made of, where it is kept.
@@ -29,7 +30,7 @@ class BeamScan(eqx.Module):
     """
 
     time: Float[Array, "*scan"]
-    beam_power: Float[Array, "*scan frequency bearing"]
+    beam_power: Float[Array, "*scan frequency beam"]
     total_power: Float[Array, "*scan frequency"]
     channels: Float[Array, "*scan"]
     spectra: Complex[Array, "*scan snapshot frequency channel"] | None = None
@@ -42,11 +43,13 @@ class BeamGrid(eqx.Module):
     Attributes
     ----------
     frequency : shape (frequency,); bins in use, Hz.
-    beams : number of bearings.
+    beams : number of bearings, in each ring.
     snapshots : transforms a frame.
     circular : whether the bearings run around the full circle.
     array : what hears, where it is known; scans are drawn with it.
     independent : share of what the bins of all snapshots hold that is independent of each other; 1 without a taper.
+    elevations : of the rings of beams, evenly spaced, radians; the first and the last lie beyond what is looked at, to
+        be read between. One ring of level beams where there are none.
     """
 
     frequency: Float[np.ndarray, " frequency"]
@@ -55,11 +58,24 @@ class BeamGrid(eqx.Module):
     circular: bool = eqx.field(static=True)
     array: SensorArray | None = None
     independent: float = eqx.field(static=True, default=1.0)
+    elevations: tuple[float, ...] = eqx.field(static=True, default=())
 
     @property
     def bearing(self) -> Float[np.ndarray, " bearing"]:
-        """Bearings of the beams; radians."""
+        """Bearings of the beams of a ring; radians."""
         return bearings(self.beams, self.circular)
+
+    @property
+    def rings(self) -> int:
+        """Rings of beams, one above the other."""
+        return max(len(self.elevations), 1)
+
+    @property
+    def directions(self) -> tuple[Float[np.ndarray, " beam"], Float[np.ndarray, " beam"] | None]:
+        """Bearing and elevation of every beam, ring after ring, radians; no elevation of level beams."""
+        if not self.elevations:
+            return self.bearing, None
+        return np.tile(self.bearing, self.rings), np.repeat(self.elevations, self.beams)
 
 
 def bearings(count: int, circular: bool) -> Float[np.ndarray, " bearing"]:
@@ -98,7 +114,9 @@ def lobe_width(array: SensorArray, frequency: float) -> float:
     return array.sound_speed / (frequency * extent * len(used) / (len(used) - 1))
 
 
-def steering(array: SensorArray, frequency: RealArray, bearing: RealArray) -> ComplexArray:
+def steering(
+    array: SensorArray, frequency: RealArray, bearing: RealArray, elevation: RealArray | None = None
+) -> ComplexArray:
     r"""What a plane wave of unit amplitude does to each channel.
 
     Parameters
@@ -106,6 +124,7 @@ def steering(array: SensorArray, frequency: RealArray, bearing: RealArray) -> Co
     array : geometry and sound speed.
     frequency : shape (frequency,); Hz.
     bearing : shape (bearing,); radians. NumPy in, NumPy out; JAX in, JAX out.
+    elevation : of the same shape; level waves where not given.
 
     Returns
     -------
@@ -125,4 +144,4 @@ def steering(array: SensorArray, frequency: RealArray, bearing: RealArray) -> Co
     [[[0.0, 0.0], [1.0, 1.0]]]
     """
     xp = bearing.__array_namespace__()
-    return xp.exp(-2j * xp.pi * frequency[:, None, None] * array.delays(bearing))
+    return xp.exp(-2j * xp.pi * frequency[:, None, None] * array.delays(bearing, elevation))

@@ -22,7 +22,7 @@ from faintrack.numerics.precision import full_precision
 from faintrack.numerics.trigonometry import sine_cosine
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan, steering
-from faintrack.targets.states import BearingState
+from faintrack.targets.states import BearingState, WaveState
 
 
 def pairs_of(key: PRNGKeyArray, array: SensorArray, grid: BeamGrid, dtype: Any) -> Complex[Array, " pair"]:
@@ -37,6 +37,7 @@ def received(
     array: SensorArray,
     grid: BeamGrid,
     noise_power: Float[Array, " frequency"] | float,
+    elevation: Float[Array, ""] | None = None,
 ) -> Complex[Array, "snapshot frequency channel"]:
     r"""Spectra of one frame (the module's equation).
 
@@ -48,13 +49,15 @@ def received(
     array : geometry; dead channels are silent.
     grid : frequencies and snapshots.
     noise_power : in each bin.
+    elevation : of the source; radians. Its wave is level where not given.
     """
     frequencies, channels, dtype = grid.frequency.size, len(array.gains), bearing.dtype
     scale = jnp.sqrt(jnp.broadcast_to(jnp.asarray(noise_power, dtype), (frequencies,)) / 2)[:, None]
     signal, noise = jnp.split(pairs, [grid.snapshots * frequencies])
     signal = jnp.sqrt(10 ** (snr_db / 10)) * scale * signal.reshape(grid.snapshots, frequencies, 1)
     noise = scale * noise.reshape(grid.snapshots, frequencies, channels)
-    sine, cosine = sine_cosine(2 * jnp.pi * jnp.asarray(grid.frequency, dtype)[:, None] * array.delays(bearing[None]))
+    delays = array.delays(bearing[None], None if elevation is None else elevation[None])
+    sine, cosine = sine_cosine(2 * jnp.pi * jnp.asarray(grid.frequency, dtype)[:, None] * delays)
     return jnp.asarray(array.alive, dtype) * (signal * jax.lax.complex(cosine, -sine) + noise)
 
 
@@ -62,7 +65,7 @@ def received(
 def beams_of(
     grid: BeamGrid,
     scan: BeamScan,
-    state: BearingState,
+    state: BearingState | WaveState,
     present: Bool[Array, ""] | bool,
     noise_power: Float[Array, "*frequency"] | float,
     key: PRNGKeyArray,
@@ -97,8 +100,11 @@ def beams_of(
     array, dtype = grid.array, scan.beam_power.dtype
     pairs = pairs_of(key, array, grid, dtype)
     snr_db = jnp.where(present, state.snr_db, -jnp.inf).astype(dtype)
-    spectra = received(pairs, state.bearing.astype(dtype), snr_db, array, grid, noise_power)
-    vectors = steering(array, jnp.asarray(grid.frequency, dtype), jnp.asarray(grid.bearing, dtype))
+    elevation = state.elevation.astype(dtype) if isinstance(state, WaveState) else None
+    spectra = received(pairs, state.bearing.astype(dtype), snr_db, array, grid, noise_power, elevation)
+    bearing, above = grid.directions
+    directions = jnp.asarray(bearing, dtype), None if above is None else jnp.asarray(above, dtype)
+    vectors = steering(array, jnp.asarray(grid.frequency, dtype), *directions)
     products = jnp.einsum("fbc,kfc->kfb", vectors.conj(), spectra)
     used = scan.channels >= 2
     return dataclasses.replace(

@@ -71,7 +71,7 @@ class NoiseModes(eqx.Module):
 
     vectors: Float[Array, "frequency channel mode"]
     weights: Float[Array, "frequency mode"]
-    gain: Float[Array, "frequency bearing"]
+    gain: Float[Array, "frequency beam"]
     dimensions: Float[Array, " frequency"]
     white: Bool[Array, ""]
 
@@ -122,7 +122,7 @@ class ArrayBackground(eqx.Module):
 
     vectors: Float[Array, "frequency channel mode"]
     values: Float[Array, "frequency mode"]
-    gains: Float[Array, "share frequency bearing"]
+    gains: Float[Array, "share frequency beam"]
     parts: Float[Array, "share frequency mode"]
 
     def init(self) -> Learnt:
@@ -233,14 +233,15 @@ def array_background(beamformer: Beamformer) -> ArrayBackground:
     values, inside = np.linalg.eigh(correlation)
     vectors = np.zeros((len(values), len(used), values.shape[1]))
     vectors[:, used] = inside
-    gains = np.empty((len(SHARES), len(values), grid.beams), np.float32)
+    bearing, elevation = grid.directions
+    gains = np.empty((len(SHARES), len(values), len(bearing)), np.float32)
     parts = np.empty((len(SHARES), *values.shape), np.float32)
     for number, frequency in enumerate(grid.frequency):
-        directions = steering(array, np.array([frequency]), np.asarray(grid.bearing))[0]
+        directions = steering(array, np.array([frequency]), bearing, elevation)[0]
         power = np.abs(directions @ vectors[number]) ** 2
         mu = 1 - SHARES[:, None] + SHARES[:, None] * np.maximum(values[number], 0)
         gains[:, number] = (1 / mu) @ power.T
-        parts[:, number] = (1 / gains[:, number]) @ power / mu / grid.beams
+        parts[:, number] = (1 / gains[:, number]) @ power / mu / len(bearing)
     dtype = beamformer.cosine.dtype
     return ArrayBackground(*(jnp.asarray(part, dtype) for part in (vectors, np.maximum(values, 0), gains, parts)))
 

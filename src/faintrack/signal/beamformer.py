@@ -15,6 +15,11 @@ over it, W, and the frame is worth
 
 independent samples: the variance of the power of white noise, summed over bins and snapshots, is that of so many.
 
+Waves that are not level cross the array's plane at the trace velocity :math:`c / \cos\varepsilon`, and channels that
+lie higher hear them earlier: a **ring** of beams of one elevation is a ring of level beams of that velocity, on spectra
+of which the phase :math:`2 \pi f z_m \sin\varepsilon / c` has been taken off. Rings are evenly spaced, four in a main
+lobe.
+
 Bins strictly between zero and half the sample rate are used: a constant offset carries no direction, and at half the
 sample rate a delay is not defined (bosser2022, eq. 15 has a cosine there).
 """
@@ -33,6 +38,9 @@ from faintrack.numerics.precision import full_precision
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan, lobe_width
 
+MOST_RINGS = 128
+"""Rings of beams at most."""
+
 MIRROR_METRES = 1e-6
 """How far a channel may lie off the mirror image of another and still be taken for it."""
 
@@ -46,20 +54,24 @@ class Beamformer(eqx.Module):
     first_bin : of the band, counted from zero frequency.
     snapshot : samples in a transform.
     gains : shape (channel,); correction of each channel, 0 for a dead one.
-    cosine, sine : shape (frequency, row, pair); weights of each pair of opposite beams, see `beam_power`.
+    cosine, sine : shape (frequency, row, pair); weights of each pair of opposite beams, see `beam_power`. Of several
+        rings a stack.
     mirrored : whether the array, its channels reversed, is its own mirror image through its centre, as a line is.
     window : shape (sample,); weight of each sample of a snapshot, of mean square 1, where snapshots overlap by half;
         None where they stand side by side.
+    raised : shape (ring, frequency, channel); takes off what channels hear earlier because they are higher. None where
+        all are level with each other.
     """
 
     grid: BeamGrid
     first_bin: int = eqx.field(static=True)
     snapshot: int = eqx.field(static=True)
     gains: Float[Array, " channel"]
-    cosine: Float[Array, "frequency row pair"]
-    sine: Float[Array, "frequency row pair"]
+    cosine: Float[Array, "*ring frequency row pair"]
+    sine: Float[Array, "*ring frequency row pair"]
     mirrored: bool = eqx.field(static=True, default=False)
     window: Float[Array, " sample"] | None = None
+    raised: Complex[Array, "ring frequency channel"] | None = None
 
     @property
     def resolution(self) -> Float[Array, ""] | float:
@@ -85,8 +97,8 @@ class Beamformer(eqx.Module):
 
     def beam_power(
         self, spectra: Complex[Array, "frame snapshot frequency channel"]
-    ) -> Float[Array, "frame frequency bearing"]:
-        r"""Beam power of each bin and bearing, summed over the snapshots of a frame.
+    ) -> Float[Array, "frame frequency beam"]:
+        r"""Beam power of each bin and beam, summed over the snapshots of a frame.
 
         Notes
         -----
@@ -101,13 +113,30 @@ class Beamformer(eqx.Module):
 
         XLA multiplies real matrices at twice the speed of complex ones, of the same number of operations.
         """
+        if not self.grid.elevations:
+            return self._ring(self.cosine, self.sine, spectra)
+
+        def ring(weights: tuple[Array, Array, Array | None]) -> Float[Array, "frame frequency bearing"]:
+            cosine, sine, raised = weights
+            return self._ring(cosine, sine, spectra if raised is None else spectra * raised)
+
+        rings = jax.lax.map(ring, (self.cosine, self.sine, self.raised))
+        return jnp.moveaxis(rings, 0, 2).reshape(*rings.shape[1:3], -1)
+
+    def _ring(
+        self,
+        cosine: Float[Array, "frequency row pair"],
+        sine: Float[Array, "frequency row pair"],
+        spectra: Complex[Array, "frame snapshot frequency channel"],
+    ) -> Float[Array, "frame frequency bearing"]:
+        """Beam power of one ring of beams."""
         if self.mirrored:
             near, far = _halves(spectra)
             both, apart = near + far, near - far
         else:
             both = apart = spectra
-        even = self._products(self.cosine, both.real, both.imag)
-        odd = self._products(self.sine, -apart.imag, apart.real)
+        even = self._products(cosine, both.real, both.imag)
+        odd = self._products(sine, -apart.imag, apart.real)
         here = jnp.sum((even[0] + odd[0]) ** 2 + (even[1] + odd[1]) ** 2, axis=2)
         opposite = jnp.sum((even[0] - odd[0]) ** 2 + (even[1] - odd[1]) ** 2, axis=2)
         opposite = opposite[..., : self.grid.beams - here.shape[-1]]
@@ -160,6 +189,7 @@ def beamformer(
     snapshot: float | None = None,
     dtype: type = np.float32,
     taper: bool = False,
+    elevation: tuple[float, float] | None = None,
 ) -> Beamformer:
     r"""Plan the analysis of an array's frames.
 
@@ -175,10 +205,12 @@ def beamformer(
         wave takes along the array and has at least 32 bins in the band, or the frame.
     dtype : numpy type of real values.
     taper : snapshots overlap by half, under Hann's window, where a frame holds two or more side by side.
+    elevation : lowest and highest elevation of waves above the horizon, radians; all are level where not given.
 
     Raises
     ------
-    InputError : a band without a bin, beyond half the sample rate, or a frame that is too short.
+    InputError : a band without a bin, beyond half the sample rate, or a frame that is too short; elevations that the
+        array cannot tell, or more than `MOST_RINGS` rings of them.
 
     Examples
     --------
@@ -234,7 +266,8 @@ def beamformer(
         squared = np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 4
         snapshots, independent = len(_starts(length, size)), _independent(length, squared)
         window = jnp.asarray(np.sqrt(squared / squared.mean()), dtype)
-    grid = BeamGrid(frequency, beams, snapshots, array.circular, array, independent)
+    elevations = () if elevation is None else _elevations(array, float(frequency[-1]), *elevation)
+    grid = BeamGrid(frequency, beams, snapshots, array.circular, array, independent, elevations)
     # The second half of the beams is opposite to the first; on a circle of an odd number none is opposite to another.
     pairs = beams if array.circular and beams % 2 else (beams + 1) // 2
     delays = np.asarray(array.delays(grid.bearing[:pairs]))
@@ -246,8 +279,36 @@ def beamformer(
         # A channel in the centre is its own mirror image and counts once.
         share = np.where(np.arange(delays.shape[1]) < len(array.gains) // 2, 1.0, 0.5)[:, None]
     phase = 2 * np.pi * frequency[:, None, None] * delays.T
+    raised = None
+    if elevations:
+        phase = np.cos(elevations)[:, None, None, None] * phase
+        height = array.positions[:, 2] / array.sound_speed
+        if np.any(height[array.alive]):
+            turns = np.sin(elevations)[:, None, None] * frequency[:, None] * height
+            raised = jnp.asarray(np.exp(-2j * np.pi * turns).astype(np.result_type(dtype, np.complex64)))
     cosine, sine = (jnp.asarray(part, dtype) for part in (share * np.cos(phase), np.sin(phase)))
-    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), cosine, sine, mirrored, window)
+    return Beamformer(grid, int(bins[0]), size, jnp.asarray(array.gains, dtype), cosine, sine, mirrored, window, raised)
+
+
+def _elevations(array: SensorArray, frequency: float, low: float, high: float) -> tuple[float, ...]:
+    """Elevations of rings, four in a main lobe at a frequency, and one beyond either end."""
+    if not array.circular:
+        raise InputError(
+            "the array is a line, which hears every wave of a cone about its axis alike; expected no elevation_deg."
+        )
+    if low < 0 and not np.ptp(array.positions[array.alive, 2]):
+        raise InputError(
+            f"elevation_deg begins at {math.degrees(low):g}, and the channels lie in a level plane, which cannot tell "
+            "above from below; expected 0 or more."
+        )
+    between = max(2, math.ceil(4 * (high - low) / lobe_width(array, frequency)))
+    if between + 3 > MOST_RINGS:
+        raise InputError(
+            f"elevations from {math.degrees(low):g} to {math.degrees(high):g} degrees take {between + 3} rings of "
+            f"beams at {frequency:g} Hz; expected at most {MOST_RINGS}: a lower band, or fewer elevations."
+        )
+    step = (high - low) / between
+    return tuple((low + step * np.arange(-1, between + 2)).tolist())
 
 
 def _positive(samples: Float[Array, "frame sample channel"]) -> Complex[Array, "frame sample channel"]:

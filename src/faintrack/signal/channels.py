@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy.special import logsumexp
 
+from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid
 
 POINTS = 400_000
@@ -69,13 +70,16 @@ class Doubt:
     after: float
 
 
-def doubts(grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"]) -> list[Doubt]:
+def doubts(
+    grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"], slowness: float = 1.0
+) -> list[Doubt]:
     """Channels that are reversed, exchanged or of another gain, as far as the sources in some frames tell.
 
     Parameters
     ----------
     grid : of the scans of a known array.
     spectra : of frames, with the gains that are known applied.
+    slowness : of the waves, see `delays_of`.
 
     Examples
     --------
@@ -90,7 +94,7 @@ def doubts(grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequenc
     >>> [(doubt.channels, doubt.factor) for doubt in doubts(grid, waves)]
     [((3,), -1.0)]
     """
-    looked_at = _looked_at(grid, spectra)
+    looked_at = _looked_at(grid, spectra, slowness)
     if looked_at is None:
         return []
     received, steering, alive = looked_at
@@ -104,19 +108,21 @@ def doubts(grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequenc
     return found
 
 
-def evidence(grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"]) -> float:
+def evidence(
+    grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"], slowness: float = 1.0
+) -> float:
     """Evidence of a source in some frames, by which `doubts` judges; nats. 0 where channels cannot be judged.
 
     Parameters
     ----------
-    grid, spectra : as of `doubts`.
+    grid, spectra, slowness : as of `doubts`.
     """
-    looked_at = _looked_at(grid, spectra)
+    looked_at = _looked_at(grid, spectra, slowness)
     return 0.0 if looked_at is None else _evidence_of(looked_at[0], looked_at[1], grid.independent)
 
 
 def _looked_at(
-    grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"]
+    grid: BeamGrid, spectra: Complex[np.ndarray, "frame snapshot frequency channel"], slowness: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Spectra, steering vectors and numbers of the channels in use; None where they are too few or too many."""
     array = grid.array
@@ -130,13 +136,25 @@ def _looked_at(
     bins = grid.frequency.size
     room = max(1, POINTS // (spectra.shape[1] * len(bearing)))
     frequencies = max(min(bins, 8), min(bins, room // len(whole)))
-    frames, few = whole[_spread(len(whole), room // frequencies)], _spread(bins, frequencies)
+    frames, few = whole[spread(len(whole), room // frequencies)], spread(bins, frequencies)
     received = np.asarray(spectra[frames][:, :, few][..., alive], np.complex64)
-    delays = np.asarray(array.delays(bearing))[:, alive]
+    delays = delays_of(array, bearing, slowness)[:, alive]
     return received, np.exp(2j * np.pi * grid.frequency[few, None, None] * delays).astype(np.complex64), alive
 
 
-def _spread(count: int, room: int) -> np.ndarray:
+def delays_of(
+    array: SensorArray, bearing: Float[np.ndarray, " bearing"], slowness: float
+) -> Float[np.ndarray, "bearing channel"]:
+    """Delays of waves whose speed of sound over trace velocity is a slowness; seconds.
+
+    Below 1 they come from above the horizon; above 1 the sound is slower than the array's description says.
+    """
+    if slowness >= 1:
+        return slowness * np.asarray(array.delays(bearing))
+    return np.asarray(array.delays(bearing, np.full_like(bearing, np.arccos(slowness))))
+
+
+def spread(count: int, room: int) -> np.ndarray:
     """Numbers spread evenly over a count, as many as there is room for."""
     return np.unique(np.linspace(0, count - 1, max(1, min(room, count))).round().astype(int))
 
@@ -207,6 +225,25 @@ def _evidence(
     independent: float,
 ) -> float:
     """Evidence of one source in each frame, summed (the module's equation)."""
+    return float(np.maximum(log_evidences(power, energy, channels, snapshots, independent), 0).sum())
+
+
+def log_evidences(
+    power: Float[np.ndarray, "frame frequency bearing"],
+    energy: Float[np.ndarray, "frame frequency"],
+    channels: int,
+    snapshots: int,
+    independent: float,
+) -> Float[np.ndarray, " frame"]:
+    """Natural log of the mean ratio of one source in each frame, over bearings and levels.
+
+    Parameters
+    ----------
+    power : of every beam, summed over snapshots.
+    energy : of all channels.
+    channels, snapshots : how many.
+    independent : share of what snapshots and bins hold that is independent of each other.
+    """
     share = power / np.maximum(channels * energy, np.finfo(np.float32).tiny)[..., None]
     gains = channels * 10 ** (LEVELS_DB / 10)
     # Groups of factors share a logarithm, each of them at least 1 / (1 + M a).
@@ -217,5 +254,4 @@ def _evidence(
         left = np.log(np.multiply.reduceat(1 - gain / (1 + gain) * np.minimum(share, 1), starts, axis=1)).sum(axis=1)
         ratios.append(-snapshots * independent * (share.shape[1] * np.log1p(gain) + channels * left))
     stacked = np.stack(ratios, axis=-1)
-    logs = logsumexp(stacked, axis=(1, 2)) - np.log(stacked[0].size)
-    return float(np.maximum(logs, 0).sum())
+    return logsumexp(stacked, axis=(1, 2)) - np.log(stacked[0].size)

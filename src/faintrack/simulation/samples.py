@@ -34,6 +34,7 @@ class Source:
     bearing : at `start`; radians.
     bearing_rate : radians a second.
     start, end : seconds from the start of the recording.
+    elevation : above the horizon; radians. A line array hears level waves only.
     """
 
     snr_db: float
@@ -41,6 +42,7 @@ class Source:
     bearing_rate: float = 0.0
     start: float = 0.0
     end: float = math.inf
+    elevation: float = 0.0
 
     def bearing_at(self, time: np.ndarray | float) -> np.ndarray:
         """Bearing at given times, in radians, not wrapped."""
@@ -104,7 +106,8 @@ def draw_samples(
         for index, source in enumerate(sources):
             near = np.concatenate([waveform(index, number + i) for i in range(-1, 3)])
             if near.any():
-                delays = array.delays(source.bearing_at(middle))
+                elevation = np.asarray(source.elevation) if source.elevation else None
+                delays = array.delays(source.bearing_at(middle), elevation)
                 spectrum = np.fft.rfft(near)[:, None] * np.exp(-2j * np.pi * frequency[:, None] * delays)
                 heard += np.fft.irfft(spectrum, 4 * hop, axis=0)[hop : 3 * hop]
         return heard * window

@@ -25,6 +25,7 @@ def draw_spectra(
     bearing: Float[Array, " frame"],
     snr_db: Float[Array, " frame"],
     noise_power: Float[Array, " frequency"] | float = 1.0,
+    elevation: Float[Array, " frame"] | None = None,
 ) -> Complex[Array, "frame snapshot frequency channel"]:
     """Unitary spectra of consecutive frames.
 
@@ -36,6 +37,7 @@ def draw_spectra(
     bearing : of the source in each frame; radians.
     snr_db : of the source in each frame, at one channel; dB, -inf where it is absent.
     noise_power : in each bin.
+    elevation : of the source in each frame; radians. Its waves are level where not given.
 
     Examples
     --------
@@ -49,7 +51,7 @@ def draw_spectra(
     def keep(state: None, number: Array, spectra: Array) -> tuple[None, Array]:
         return state, spectra
 
-    return over_spectra(keep, None, key, array, grid, bearing, snr_db, noise_power)[1]
+    return over_spectra(keep, None, key, array, grid, bearing, snr_db, noise_power, elevation)[1]
 
 
 def over_spectra(
@@ -61,6 +63,7 @@ def over_spectra(
     bearing: Float[Array, " frame"],
     snr_db: Float[Array, " frame"],
     noise_power: Float[Array, " frequency"] | float = 1.0,
+    elevation: Float[Array, " frame"] | None = None,
 ) -> tuple[Any, Any]:
     """Draw frame after frame and hand each to a function, as `jax.lax.scan` does; no frame is kept.
 
@@ -68,7 +71,7 @@ def over_spectra(
     ----------
     take_in : function of (state, number of the frame, its spectra) to the next state and what to keep of it.
     state : before the first frame.
-    key, array, grid, bearing, snr_db, noise_power : as in `draw_spectra`, which draws the same spectra.
+    key, array, grid, bearing, snr_db, noise_power, elevation : as in `draw_spectra`, which draws the same spectra.
 
     Returns
     -------
@@ -79,7 +82,8 @@ def over_spectra(
         return pairs_of(jax.random.fold_in(key, frame), array, grid, bearing.dtype)
 
     def spectra(pairs: Array, frame: Array) -> Array:
-        return received(pairs, bearing[frame], snr_db[frame], array, grid, noise_power)
+        above = None if elevation is None else elevation[frame]
+        return received(pairs, bearing[frame], snr_db[frame], array, grid, noise_power, above)
 
     # The loop carries the random numbers of the frame after next and the spectra of the next. What a loop carries lies
     # in memory; otherwise XLA would draw every number anew for everything that reads it, three times as slow.

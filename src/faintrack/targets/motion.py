@@ -17,12 +17,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.beliefs.components import rates
 from faintrack.numerics.draws import normal
-from faintrack.targets.states import BearingState
+from faintrack.targets.states import BearingState, WaveState
 
 Scalar = Float[Array, ""] | float
 Noise = Callable[[Scalar], tuple[Scalar, Scalar, Scalar]]
@@ -102,9 +103,7 @@ class BearingMotion(eqx.Module):
         bearing = states.bearing + interval * states.bearing_rate + self.rate_noise * (a * draws[0] + b * draws[1])
         rate = states.bearing_rate + self.rate_noise * c * draws[0]
         snr_db = states.snr_db + self.snr_noise_db * jnp.sqrt(interval) * draws[2]
-        snr_db = jnp.where(snr_db < self.snr_low_db, 2 * self.snr_low_db - snr_db, snr_db)
-        snr_db = jnp.where(snr_db > self.snr_high_db, 2 * self.snr_high_db - snr_db, snr_db)
-        return BearingState(*self.within(bearing, rate), snr_db)
+        return BearingState(*self.within(bearing, rate), _reflected(snr_db, self.snr_low_db, self.snr_high_db))
 
     def within(
         self, bearing: Float[Array, "*points"], rate: Float[Array, "*points"]
@@ -115,6 +114,36 @@ class BearingMotion(eqx.Module):
         turn = _turn(bearing)
         mirrored = turn > jnp.pi
         return jnp.where(mirrored, 2 * jnp.pi - turn, turn), jnp.where(mirrored, -rate, rate)
+
+
+class WaveMotion(eqx.Module):
+    """Motion of a direction above the horizon: the elevation walks at random, whatever the bearing does.
+
+    Attributes
+    ----------
+    level : motion of the bearing and of the SNR.
+    elevation_noise : random walk of the elevation; radians per root second.
+    low, high : where it is reflected; radians.
+    """
+
+    level: BearingMotion
+    elevation_noise: Scalar
+    low: Scalar
+    high: Scalar
+
+    def move(self, states: WaveState, interval: Scalar, key: PRNGKeyArray) -> WaveState:
+        """Draw the states after `interval` seconds."""
+        for_level, for_elevation = jax.random.split(key)
+        moved = self.level.move(BearingState(states.bearing, states.bearing_rate, states.snr_db), interval, for_level)
+        draws = normal(for_elevation, states.elevation.shape, states.elevation.dtype)
+        elevation = states.elevation + self.elevation_noise * jnp.sqrt(interval) * draws
+        return WaveState(moved.bearing, moved.bearing_rate, moved.snr_db, _reflected(elevation, self.low, self.high))
+
+
+def _reflected(values: Float[Array, "*points"], low: Scalar, high: Scalar) -> Float[Array, "*points"]:
+    """Values after a walk, those beyond an end as far within it."""
+    values = jnp.where(values < low, 2 * low - values, values)
+    return jnp.where(values > high, 2 * high - values, values)
 
 
 def _turn(angle: Float[Array, "*points"]) -> Float[Array, "*points"]:

@@ -31,6 +31,25 @@ class BearingState(eqx.Module):
     rates: ClassVar[dict[str, str]] = {"bearing": "bearing_rate"}
 
 
+class WaveState(eqx.Module):
+    """As `BearingState`, of a wave that need not be level.
+
+    Attributes
+    ----------
+    bearing : radians.
+    bearing_rate : radians a second.
+    snr_db : power of the source over power of the noise at one channel, in the band that is analysed; dB.
+    elevation : above the horizon; radians.
+    """
+
+    bearing: Float[Array, "..."]
+    bearing_rate: Float[Array, "..."]
+    snr_db: Float[Array, "..."]
+    elevation: Float[Array, "..."]
+    angles: ClassVar[tuple[str, ...]] = ("bearing",)
+    rates: ClassVar[dict[str, str]] = {"bearing": "bearing_rate"}
+
+
 class RangeState(eqx.Module):
     """Distance from a sensor and its rate.
 

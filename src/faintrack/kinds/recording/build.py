@@ -1,6 +1,7 @@
 """From the sections of a scenario to the objects that do the work: units are converted here, once."""
 
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -20,8 +21,8 @@ from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, lobe_width
 from faintrack.signal.array_background import ArrayBackground, array_background
 from faintrack.signal.beamformer import Beamformer
-from faintrack.targets.motion import BearingMotion
-from faintrack.targets.states import BearingState
+from faintrack.targets.motion import BearingMotion, WaveMotion
+from faintrack.targets.states import BearingState, WaveState
 from faintrack.targets.target import Target, UniformBirth
 from faintrack.trackers.many import ManyTargetsTracker
 
@@ -114,14 +115,19 @@ def build_target(table: SourceTargetSection, snr_db: tuple[float, float], circul
     first, last = (-math.pi, math.pi) if circular else (0.0, math.pi)
     rate = math.radians(table.bearing_rate_deg)
     low, high = snr_db
-
-    def corner(*values: float) -> BearingState:
-        return BearingState(*(jnp.asarray(value, jnp.float32) for value in values))
-
-    birth = UniformBirth(corner(first, -rate, low), corner(last, rate, high))
     noise = math.radians(table.bearing_rate_noise_deg)
-    motion = BearingMotion(noise, table.snr_noise_db, low, high, circular)
-    return Target(birth, motion, table.arrival_rate, table.departure_rate)
+    level = BearingMotion(noise, table.snr_noise_db, low, high, circular)
+    ends, rates = ((first, -rate, low), (last, rate, high)), (table.arrival_rate, table.departure_rate)
+    if table.elevation_deg is None:
+        return Target(UniformBirth(*(_corner(BearingState, *values) for values in ends)), level, *rates)
+    lowest, highest = (math.radians(elevation) for elevation in table.elevation_deg)
+    motion = WaveMotion(level, math.radians(table.elevation_noise_deg), lowest, highest)
+    birth = UniformBirth(_corner(WaveState, *ends[0], lowest), _corner(WaveState, *ends[1], highest))
+    return Target(birth, motion, *rates)
+
+
+def _corner(kind: Any, *values: float) -> Any:
+    return kind(*(jnp.asarray(value, jnp.float32) for value in values))
 
 
 def default_snr_db(array: SensorArray, grid: BeamGrid) -> tuple[float, float]:

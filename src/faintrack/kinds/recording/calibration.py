@@ -64,7 +64,8 @@ def calibrate(
             f"duration is {duration:g} s; expected from {interval:g} s, one frame, to {LONGEST * interval:g} s."
         )
     array, frames = simulated_array(scenario), round(duration / interval)
-    plan = build_beamformer(scenario.analysis, array, _sample_rate(scenario), scenario.analysis.taper)
+    analysis, elevation = scenario.analysis, scenario.target.elevation_deg
+    plan = build_beamformer(analysis, array, _sample_rate(scenario), analysis.taper, elevation)
     # A false track begins with one target that is sought: the threshold is that of the filter of one.
     alone = scenario.model_copy(update={"tracker": scenario.tracker.model_copy(update={"targets": 1})})
     tracker = build_tracker(alone, array, plan, np.ones(plan.grid.frequency.size, np.float32))
@@ -132,7 +133,9 @@ def _modelled(
             return (belief, log_ratio), (belief.log_odds, log_ratio)
 
         start = filter.init(jax.random.fold_in(for_filter, time.size)), jnp.zeros(())
-        return over_spectra(take_in, start, for_spectra, array, plan.grid, states.bearing, snr_db)[1]
+        elevation = getattr(states, "elevation", None)
+        source = states.bearing, snr_db
+        return over_spectra(take_in, start, for_spectra, array, plan.grid, *source, elevation=elevation)[1]
 
     return run
 

@@ -23,6 +23,7 @@ from faintrack.kinds.loop import begun
 from faintrack.kinds.recording.build import build_background, build_tracker, default_snr_db
 from faintrack.kinds.recording.channels import FRAMES, LoudFrames
 from faintrack.kinds.recording.sections import RecordingScenario
+from faintrack.kinds.recording.trace import COMPONENTS, with_trace_velocity
 from faintrack.kinds.several import Tracker, about_targets, with_targets
 from faintrack.likelihoods.array_field import in_noise
 from faintrack.numerics.traced import traced
@@ -55,9 +56,15 @@ class RecordingStep(eqx.Module):
     tracker: Tracker | DetectAndTrack
 
     def scans(self, block: tuple[Array, Array, Array]) -> tuple[BeamScan, Float[Array, "frame beam"]]:
-        """Scans of time, samples and usable channels of some frames, and the rows of the record in dB."""
-        scans = self.beamformer.scan(*block)
-        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(energies(scans)), 1e-6))
+        """Scans of time, samples and usable channels of some frames, and the rows of the record in dB.
+
+        Of several rings of beams a row has the loudest at every bearing.
+        """
+        scans, grid = self.beamformer.scan(*block), self.beamformer.grid
+        record = energies(scans)
+        if grid.elevations:
+            record = jnp.max(record.reshape(-1, grid.rings, grid.beams), axis=1)
+        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(record), 1e-6))
 
     def advance(
         self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"]], key: PRNGKeyArray
@@ -111,7 +118,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     array, rule = array_of(recording, scenario)
     band = scenario.analysis.band
     array, straight = as_heard(array, recording.sample_rate / 2 if band is None else band[1])
-    beamformer, length, count = plan_frames(recording, array, scenario.analysis, scenario.analysis.taper)
+    analysis, elevation = scenario.analysis, scenario.target.elevation_deg
+    beamformer, length, count = plan_frames(recording, array, analysis, analysis.taper, elevation)
     clean = CleanRecording(recording)
     described: Any = scenario.array
     likelihood = scenario.likelihood
@@ -123,7 +131,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     with naming(recording.source):
         tracker = build_tracker(scenario, array, beamformer, noise_power)
     background = build_background(scenario, tracker, beamformer)
-    frame_bytes = 4 * max(beamformer.grid.frequency.size * beamformer.grid.beams, length * recording.channels)
+    grid = beamformer.grid
+    frame_bytes = 4 * max(grid.frequency.size * grid.beams * grid.rings, length * recording.channels)
     # Of a run that is taken up again it is not known what was heard before.
     heard = np.ones(recording.channels, bool)
     loud = LoudFrames(beamformer)
@@ -140,7 +149,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         if start + len(usable) == count:
             _require_heard(recording, array, heard)
         estimates = outputs[0]
-        loud.take(start, block[1], np.asarray(estimates.existence).reshape(len(usable), -1))
+        loud.take(start, block[1], np.asarray(estimates.existence).reshape(len(usable), -1), np.asarray(outputs[1]))
         ends.update(np.unique(estimates.label[np.asarray(estimates.mean.snr_db) > loudest_db - AT_END_DB]).tolist())
         return _dataset(block[0], usable, *outputs, array, recording, scenario.analysis.frame)
 
@@ -175,7 +184,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
             *about_levels(CleanRecording(recording).recording, array),
         ),
         remarks=remarks,
-        misfits=lambda: loud.doubts(recording.channel_names),
+        misfits=lambda: loud.misfits(recording.channel_names),
         check=check,
         within=math.degrees(lobe_width(array, float(beamformer.grid.frequency[-1]))),
     )
@@ -276,7 +285,10 @@ def _dataset(
     """Estimates of consecutive frames in the schema, with the bearing-time record."""
     reference = NORTH if array.circular else AXIS
     masked = (~usable & array.alive).sum(axis=1).astype(np.int32)
-    data = estimated(time, estimates, bearing(reference))
+    components = bearing(reference)
+    if hasattr(estimates.mean, "elevation"):
+        estimates, components = with_trace_velocity(estimates, array.sound_speed), (*components, *COMPONENTS)
+    data = estimated(time, estimates, components)
     data["masked_channels"] = of_scans(masked, "1", "channels left out, samples missing", counted="masked_scans")
     data["record"] = (
         ("time", "beam"),

@@ -34,17 +34,25 @@ class SourceTargetSection(TargetSection):
     snr_db : lowest and highest SNR of a target at one channel, in the band; dB. Where not given, from the SNR at
         which a frame tells 0.02 nats of a target, to 20 dB.
     snr_noise_db : random walk of the SNR; dB per root second.
+    elevation_deg : lowest and highest elevation of a source above the horizon, which an array that is no line can
+        tell: the speed of sound over the cosine of it is the trace velocity; degrees. All waves are level where not
+        given.
+    elevation_noise_deg : random walk of the elevation; degrees per root second.
     """
 
     bearing_rate_deg: float = Field(default=0.5, ge=0)
     bearing_rate_noise_deg: float = Field(default=0.05, ge=0)
     snr_db: Pair | None = None
     snr_noise_db: float = Field(default=0.5, ge=0)
+    elevation_deg: Pair | None = None
+    elevation_noise_deg: float = Field(default=0.1, ge=0)
 
     @model_validator(mode="after")
     def _ordered(self) -> "SourceTargetSection":
         if self.snr_db is not None and not self.snr_db[0] < self.snr_db[1]:
             raise ValueError("snr_db: expected the lowest SNR first")
+        if self.elevation_deg is not None and not -89 <= self.elevation_deg[0] < self.elevation_deg[1] <= 89:
+            raise ValueError("elevation_deg: expected the lowest first, both from -89 to 89")
         return self
 
 
@@ -140,12 +148,14 @@ class SourceSection(Section):
     snr_db : variance of its signal over variance of the noise at one channel; dB.
     bearing_deg : at `start`; degrees, from the axis of a line array or clockwise from north.
     bearing_rate_deg : degrees a second.
+    elevation_deg : above the horizon; degrees.
     start, end : seconds from the start of the recording; to its end where not given.
     """
 
     snr_db: float
     bearing_deg: float
     bearing_rate_deg: float = 0.0
+    elevation_deg: float = Field(default=0.0, gt=-90, lt=90)
     start: float = Field(default=0.0, ge=0)
     end: float | None = None
 
@@ -191,3 +201,18 @@ class RecordingScenario(Scenario):
     cfar: CfarSection = CfarSection()
     alarm: Alarms | None = None
     simulation: SimulationSection | None = None
+
+    @model_validator(mode="after")
+    def _elevation_is_read(self) -> "RecordingScenario":
+        if self.target.elevation_deg is not None:
+            if self.likelihood.kind != "unknown_noise":
+                raise ValueError(
+                    f'target.elevation_deg: likelihood.kind is "{self.likelihood.kind}", which hears level waves only; '
+                    'expected "unknown_noise"'
+                )
+            if self.tracker.method != "bernoulli":
+                raise ValueError(
+                    f'target.elevation_deg: tracker.method is "{self.tracker.method}", which hears level waves only; '
+                    'expected "bernoulli"'
+                )
+        return self

@@ -19,10 +19,18 @@ def simulate(scenario: RecordingScenario) -> Recording:
 
     Raises
     ------
-    InputError : the scenario has no simulation or no array, or a source ends before it starts.
+    InputError : the scenario has no simulation or no array, a source ends before it starts, or is to be elevated and
+        the array is a line.
     """
-    table = _simulation(scenario)
-    return _drawn(simulated_array(scenario), table, sources_of(table), table.seed)
+    table, array = _simulation(scenario), simulated_array(scenario)
+    for number, source in enumerate(table.sources):
+        if source.elevation_deg and not array.circular:
+            raise InputError(
+                f"simulation.sources[{number}].elevation_deg is {source.elevation_deg:g}, and the array is a line, "
+                "which hears every wave of a cone about its axis alike; expected its angle from the axis as "
+                "bearing_deg, and no elevation."
+            )
+    return _drawn(array, table, sources_of(table), table.seed)
 
 
 def silence(scenario: RecordingScenario, seed: int) -> Recording:
@@ -72,8 +80,10 @@ def sources_of(table: SimulationSection) -> list[Source]:
             raise InputError(
                 f"simulation.sources[{number}].end is {end:g} s; expected more than start, {source.start:g} s."
             )
-        rate = math.radians(source.bearing_rate_deg)
-        sources.append(Source(source.snr_db, math.radians(source.bearing_deg), rate, source.start, end))
+        bearing, rate, elevation = (
+            math.radians(value) for value in (source.bearing_deg, source.bearing_rate_deg, source.elevation_deg)
+        )
+        sources.append(Source(source.snr_db, bearing, rate, source.start, end, elevation))
     return sources
 
 
