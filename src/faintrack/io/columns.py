@@ -159,7 +159,7 @@ def without_repeats(
     return left, (kept if lines is None else lines[kept]), (said,)
 
 
-def _numbered(column: np.ndarray) -> Float[np.ndarray, " row"]:
+def _numbered(column: np.ndarray) -> Float[np.ndarray, "..."]:
     """A column as numbers: those that it holds, or one for each of its labels."""
     if column.dtype.kind in "UO":
         column = np.unique(column.astype(str), return_inverse=True)[1]

@@ -15,6 +15,7 @@ Velocities are cut likewise (`faintrack.likelihoods.strips`).
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -29,16 +30,24 @@ from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
 from faintrack.targets.states import PlanarState
 
-AT_ONCE = 8
-"""Patches with their pieces that are taken in at a time."""
+AT_ONCE = 32
+"""Parts of patches that are cut into pieces at a time."""
+
+CHOSEN = 64
+"""Pieces with an excess of both pairs that are taken in at a time."""
 
 BEARINGS = 16, 8
 """Points a beam at least near the returns of a sweep, and of a tone; between those of the mesh by straight lines."""
+
+LOWEST = -1e4
+"""Log of a product that is as good as none."""
 
 FLAT = 0.25
 """Mesh points that the second delay may be from a straight line along a part of a patch."""
 
 Real = Float[Array, "..."]
+Sums = tuple[Float[Array, " cell"], Float[Array, "cell velocity"]]
+"""Log of the highest product in each position cell, and sums over it."""
 
 
 class Excess(NamedTuple):
@@ -81,7 +90,7 @@ class Excess(NamedTuple):
         cell, on_grid = mesh.cell(x, y)
         rows = jnp.arange(len(near.delay))[:, None, None], jnp.arange(near.delay.shape[1])[None, :, None]
         used = jnp.repeat(self.used, count, axis=2) & on_grid[..., None]
-        return Points(x, y, cell, jnp.repeat(self.area, count, axis=2) / count, used, between(near.log_ratio, rows, place))
+        return Points(x, y, cell, jnp.repeat(self.area, count, axis=2) / count, used, interpolated(near.log_ratio, rows, place))
 
 
 class Points(NamedTuple):
@@ -135,7 +144,7 @@ def log_over(log_ratio: Real, default: Real, used: Bool[Array, "..."]) -> Real:
     return jnp.where(positive, log_ratio + jnp.log(jnp.where(positive, over, 1)), -jnp.inf)
 
 
-def between(
+def interpolated(
     values: Float[Array, "return delay bearing shift"], where: tuple[Int[Array, "..."], Int[Array, "..."]], bearing: Real
 ) -> Float[Array, "... shift"]:
     """Values of returns and delays at a number of the bearing with its fraction, by cubics through four points."""
@@ -194,29 +203,40 @@ class Crossing(NamedTuple):
         shape_of_cells = first.inside.shape[:2]
         cells = math.prod(shape_of_cells)
         parts = self._parts(first, second)
-        shape = parts.crossed.shape
-        (found,) = jnp.nonzero(parts.crossed.ravel(), size=parts.crossed.size, fill_value=parts.crossed.size)
-        blocks = -(-parts.crossed.sum() // AT_ONCE)
-        found = jnp.append(found, jnp.full(AT_ONCE, parts.crossed.size))
+        rows = parts.crossed.reshape(-1, parts.crossed.shape[-1])
+        counts = rows.sum(axis=1)
+        ends = jnp.cumsum(counts)
+        blocks = -(-ends[-1] // AT_ONCE)
 
-        def pieces(block: Int[Array, ""]) -> "Pieces":
-            number = jax.lax.dynamic_slice(found, (block * AT_ONCE,), (AT_ONCE,))
-            mine, part, other = jnp.unravel_index(jnp.minimum(number, parts.crossed.size - 1), shape)
-            return self._pieces(excesses, parts, mine, part, other, number < parts.crossed.size)
+        def look(block: Int[Array, ""], carried: Sums) -> Sums:
+            number = block * AT_ONCE + jnp.arange(AT_ONCE)
+            # The number-th that is true: by rows, since a list of all would take longer than the sums.
+            row = jnp.minimum(jnp.searchsorted(ends, number, side="right"), len(rows) - 1)
+            passed = jnp.cumsum(rows[row], axis=1) > (number - ends[row] + counts[row])[:, None]
+            mine, part = jnp.divmod(row, parts.crossed.shape[1])
+            other, there = jnp.argmax(passed, axis=1), number < ends[-1]
+            pieces = self._pieces(excesses, parts, mine, part, other, there)
+            both = pieces.highest() > -jnp.inf
+            (chosen,) = jnp.nonzero(both, size=both.size, fill_value=0)
+            chosen = jnp.append(chosen, jnp.zeros(CHOSEN, chosen.dtype))
 
-        def highest(block: Int[Array, ""], peak: Float[Array, " cell"]) -> Float[Array, " cell"]:
-            each = pieces(block)
-            return peak.at[each.cell].max(each.highest())
+            def add(chunk: Int[Array, ""], carried: Sums) -> Sums:
+                """Sums over what was highest in each position cell so far: a product passes e^88."""
+                before, sums = carried
+                which = jax.lax.dynamic_slice(chosen, (chunk * CHOSEN,), (CHOSEN,))
+                counts = chunk * CHOSEN + jnp.arange(CHOSEN) < both.sum()
+                some = jax.tree.map(lambda each: each[which], pieces)
+                some = some._replace(area=jnp.where(counts, some.area, 0))
+                profiles = [_profile(each, some.x, some.y) for each in excesses[self.second + 1 :]]
+                peak = before.at[some.cell].max(some.highest(profiles))
+                sums = sums * jnp.exp(before - peak)[:, None]
+                return peak, sums.at[some.cell].add(self._of_velocities(excesses, some, profiles, peak[some.cell]))
 
-        peak = jax.lax.fori_loop(0, blocks, highest, jnp.full(cells, -jnp.inf, first.area.dtype))
-        peak = jnp.where(peak > -jnp.inf, peak, 0)
-
-        def add(block: Int[Array, ""], sums: Float[Array, "cell velocity"]) -> Float[Array, "cell velocity"]:
-            each = pieces(block)
-            return sums.at[each.cell].add(self._of_velocities(excesses, each, peak[each.cell]))
+            return jax.lax.fori_loop(0, -(-both.sum() // CHOSEN), add, carried)
 
         velocities = max(each.inside.shape[-1] for each in excesses)
-        sums = jax.lax.fori_loop(0, blocks, add, jnp.zeros((cells, velocities), first.area.dtype))
+        start = jnp.full(cells, LOWEST, first.area.dtype), jnp.zeros((cells, velocities), first.area.dtype)
+        peak, sums = jax.lax.fori_loop(0, blocks, look, start)
         return (peak[:, None] + jnp.log(sums / first.mesh.cell_area)).reshape(*shape_of_cells, velocities)
 
     @property
@@ -319,18 +339,21 @@ class Crossing(NamedTuple):
         # Between the bearings of mesh points a loud return falls by many nats.
         place = (part[:, None, None] + fraction) / self._count - 0.5
         delays = jnp.arange(first.near.delay.shape[1])[:, None]
-        told = between(first.near.log_ratio, (mine[:, None, None], delays), place)
+        told = interpolated(first.near.log_ratio, (mine[:, None, None], delays), place)
         own = first.log_excess[mine, :, bearings][:, :, None, :] > -jnp.inf
         log_first = log_over(told, first.default[mine], weighed & own)
         exact = (upper + lower) / 2 - start[..., None]
         before = jnp.clip(jnp.floor(exact), 0, swath - 2).astype(jnp.int32)
         weight = jnp.clip(exact - before, 0, 1)[..., None]
-        rows = [between(second.near.log_ratio, (other[:, None, None], before + side), around) for side in (0, 1)]
+        rows = [interpolated(second.near.log_ratio, (other[:, None, None], before + side), around) for side in (0, 1)]
         nearest = (jnp.clip(each, 0, second.log_excess.shape[axis] - 1) for axis, each in ((1, along), (2, beam)))
         own = second.log_excess[(other[:, None, None], *nearest)] > -jnp.inf
         log_second = log_over((1 - weight) * rows[0] + weight * rows[1], second.default[other], weighed & own)
-        shifts = first.near.doppler[mine], second.near.doppler[other]
-        return Pieces(x, y, cell, area, log_first, log_second, shifts, self._profiles(excesses, x, y))
+        log_first = jnp.broadcast_to(log_first, (*area.shape, log_first.shape[-1]))
+        which = [jnp.broadcast_to(each[:, None, None], area.shape) for each in (mine, other)]
+        shifts = first.near.doppler[which[0]], second.near.doppler[which[1]]
+        pieces = Pieces(x, y, cell, area, log_first, log_second, shifts)
+        return jax.tree.map(lambda each: each.reshape(area.size, *each.shape[area.ndim :]), pieces)
 
     def _beam_of(self, second: Excess, other: Int[Array, " part"], x: Real, y: Real) -> Float[Array, "part delay piece"]:
         """Number of the bearing in the swath of the second pair's return, with its fraction, that places lie at."""
@@ -340,13 +363,9 @@ class Crossing(NamedTuple):
         off = _around(beam - second.near.bearing[other, middle][:, None, None], mesh.around)
         return off + middle
 
-    def _profiles(self, excesses: list[Excess], x: Real, y: Real) -> list[Real]:
-        """Log of the excess of the pairs after the second at places, of all Doppler points of each."""
-        return [_profile(each, x, y) for each in excesses[self.second + 1 :]]
-
     def _of_velocities(
-        self, excesses: list[Excess], pieces: "Pieces", peak: Float[Array, "part delay piece"]
-    ) -> Float[Array, "part delay piece velocity"]:
+        self, excesses: list[Excess], pieces: "Pieces", profiles: list[Real], peak: Float[Array, " piece"]
+    ) -> Float[Array, "piece velocity"]:
         """Area times both excesses of the pieces in every velocity cell, with what the other pairs say, over a peak."""
         first, second = excesses[self.first], excesses[self.second]
         highest = _highest(pieces.log_first), _highest(pieces.log_second)
@@ -364,7 +383,7 @@ class Crossing(NamedTuple):
             if number < self.second:
                 beside = beside * quiet[..., None, None, :]
                 continue
-            profile = pieces.profiles[number - self.second - 1]
+            profile = profiles[number - self.second - 1]
             top = jnp.maximum(profile.max(axis=-1), 0)
             scale = scale + top
             quiet = quiet[..., None, None, :] * jnp.exp(-top)[..., None, None, None]
@@ -384,22 +403,25 @@ class Pieces(NamedTuple):
     cell : of the position.
     log_first, log_second : excess of both pairs at the Doppler points near their returns.
     shifts : numbers of those points.
-    profiles : log of the excess of further pairs, at all of their Doppler points.
     """
 
-    x: Float[Array, "part delay piece"]
-    y: Float[Array, "part delay piece"]
-    cell: Int[Array, "part delay piece"]
-    area: Float[Array, "part delay piece"]
-    log_first: Float[Array, "part delay piece shift"]
-    log_second: Float[Array, "part delay piece other_shift"]
-    shifts: tuple[Int[Array, "part shift"], Int[Array, "part other_shift"]]
-    profiles: list[Real]
+    x: Float[Array, "*piece"]
+    y: Float[Array, "*piece"]
+    cell: Int[Array, "*piece"]
+    area: Float[Array, "*piece"]
+    log_first: Float[Array, "*piece shift"]
+    log_second: Float[Array, "*piece other_shift"]
+    shifts: tuple[Int[Array, "*piece shift"], Int[Array, "*piece other_shift"]]
 
-    def highest(self) -> Float[Array, "part delay piece"]:
-        """Log of the largest product of a piece, or more."""
+    def highest(self, profiles: Sequence[Real] = ()) -> Float[Array, "*piece"]:
+        """Log of the largest product of a piece, or more.
+
+        Parameters
+        ----------
+        profiles : log of the excess of further pairs, at all of their Doppler points.
+        """
         every = self.log_first.max(axis=-1) + self.log_second.max(axis=-1)
-        for profile in self.profiles:
+        for profile in profiles:
             every = every + jnp.maximum(profile.max(axis=-1), 0)
         return jnp.where(self.area > 0, every, -jnp.inf)
 

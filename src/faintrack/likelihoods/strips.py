@@ -99,15 +99,15 @@ def strips_of(
     pairs: tuple[Bistatic, Bistatic],
     x: Real,
     y: Real,
-    points: tuple[Int[Array, "part strip"], Int[Array, "part other"]],
+    points: tuple[Int[Array, "place strip"], Int[Array, "place other"]],
 ) -> Strips:
-    """Parts of velocity cells at places of some parts of patches.
+    """Parts of velocity cells at places.
 
     Parameters
     ----------
     meshes, pairs : of both pairs.
-    x, y : places, (part, delay, piece); m.
-    points : consecutive Doppler points of both pairs, of every part.
+    x, y : places; m.
+    points : consecutive Doppler points of both pairs, at every place.
     """
     measured = [mesh.sonar.doppler is not None for mesh in meshes]
     if not any(measured):
@@ -115,9 +115,9 @@ def strips_of(
     which = 0 if measured[0] else 1
     mesh, pair = meshes[which], pairs[which]
     edges = points[which][:, :1] + jnp.arange(points[which].shape[1] + 1) - 0.5
-    shares = mesh.shares(mesh.spread(pair, x, y), edges[:, None, None, :])
+    shares = mesh.shares(mesh.spread(pair, x, y), edges)
     shifts = shifts_of(mesh, pair, x, y)
-    line = _line(shifts, points[which][:, None, None, :])
+    line = _line(shifts, points[which])
     if not all(measured):
         middles = [(begin + end) / 2 for begin, end in line]
         apart = -2 if which == 0 else -3
@@ -129,7 +129,7 @@ def strips_of(
     ]
     low, high = jnp.minimum(*ends), jnp.maximum(*ends)
     high = jnp.maximum(high, low + NARROW)
-    number = points[1][:, None, None, None, :, None]
+    number = points[1][:, None, :, None]
     lower = jnp.maximum(low[..., None, :], number - 0.5)
     upper = jnp.minimum(high[..., None, :], number + 0.5)
     parts = jnp.maximum(upper - lower, 0) / (high - low)[..., None, :]
@@ -144,7 +144,7 @@ def strips_of(
     return Strips(shares[..., None, :] * parts, middles[0], middles[1])
 
 
-def _line(shifts: Shifts, number: Int[Array, "part 1 1 strip"]) -> tuple[tuple[Real, Real], tuple[Real, Real]]:
+def _line(shifts: Shifts, number: Int[Array, "place strip"]) -> tuple[tuple[Real, Real], tuple[Real, Real]]:
     """Ends of the middle line of strips in velocity cells, along vx and along vy; its nearest corner where it is
     outside."""
     steep = jnp.abs(shifts.slope_x) >= jnp.abs(shifts.slope_y)

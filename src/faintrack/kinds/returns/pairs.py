@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool
@@ -39,6 +39,7 @@ class SonarPair:
         return " to ".join(name for name in (self.source, self.receiver) if name)
 
 
+@runtime_checkable
 class HasPair(Protocol):
     """What is known of a pair."""
 
