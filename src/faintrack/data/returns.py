@@ -48,8 +48,8 @@ class Returns:
     rows : number of the row that every return stands in, for messages.
     origin : where the returns come from, for messages.
     remarks : what was assumed or left out; one sentence each.
-    pairs : labels of source and receiver that returns may belong to, empty where there is no such column; none where the
-        returns name neither.
+    pairs : labels of source and receiver that returns may belong to, empty where there is no such column; none where
+        the returns name neither.
     pair : number of the pair of every return.
     reported : whether a pair reported in a ping, if only that it heard nothing.
     """
@@ -81,7 +81,8 @@ class Returns:
 
     def of_pair(self, number: int) -> "Returns":
         """Returns of one pair in all pings; platforms of a ping in which it did not report are where they last were."""
-        assert self.pair is not None and self.reported is not None
+        assert self.pair is not None
+        assert self.reported is not None
         mine, there = self.pair == number, np.flatnonzero(self.reported[:, number])
         last = there[np.maximum(np.searchsorted(there, np.arange(self.length), "right") - 1, 0)]
         return replace(
@@ -204,7 +205,9 @@ def _labels(column: Any, name: str, count: int, rows: np.ndarray, origin: str) -
         text = np.array([str(value).strip() for value in values], dtype=str)
     if (text == "").any():
         row = rows[int(np.argmax(text == ""))]
-        raise InputError(f"{origin}, row {row}: {name} is missing; expected the name or number of the {name} in every row.")
+        raise InputError(
+            f"{origin}, row {row}: {name} is missing; expected the name or number of the {name} in every row."
+        )
     return text
 
 

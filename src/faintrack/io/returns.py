@@ -11,9 +11,9 @@ What `faintrack.io.recordings` is for samples this is for returns. Both kinds of
     180,,,
     360,9.3820,318.6,15.72
 
-Where there are several receivers or sources, columns `receiver` and `source` hold the name or number of each. In CSV the
-first row names the columns, in any order, and a missing value is empty; semicolons, decimal commas and dates
-in UTC are understood (`faintrack.io.text`). A row that stands there twice counts once. In Zarr every column is an array
+Where there are several receivers or sources, columns `receiver` and `source` hold the name or number of each. In CSV
+the first row names the columns, in any order, and a missing value is empty; semicolons, decimal commas and dates in UTC
+are understood (`faintrack.io.text`). A row that stands there twice counts once. In Zarr every column is an array
 with one axis, `return`, and a missing value is not a number.
 """
 

@@ -131,7 +131,10 @@ def exchanged(returns: Returns, seed: int) -> Returns:
 
 
 def _among_reported(
-    scan: Int[np.ndarray, " report"], group: Int[np.ndarray, " report"], reported: Bool[np.ndarray, "scan group"], seed: int
+    scan: Int[np.ndarray, " report"],
+    group: Int[np.ndarray, " report"],
+    reported: Bool[np.ndarray, "scan group"],
+    seed: int,
 ) -> Int[np.ndarray, " report"]:
     """New scans of reports, those of each group among the scans in which it reported."""
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-r"""The mean of a likelihood ratio over the cells of a grid, of a ping that several receivers hear, or of several sources.
+r"""The mean of a likelihood ratio over the cells of a grid, of what several pairs of source and receiver hear.
 
 Pairs of a source and a receiver measure independently, so that the ratio of a state is the product of theirs. A cell
 needs the mean of that product, and the product of the means is another number: where two loud returns lie in a cell and
@@ -16,7 +16,9 @@ every set of pairs with an excess being counted by its first two. Each sum has p
 - The sum over two pairs has points where the swaths of their returns cross (`faintrack.likelihoods.crossings`).
 
 Where nothing is near, or only one pair has a return, the last sum is 0. An excess is taken as 0 where it is negative:
-where a return speaks against a target, which one above the threshold hardly ever does.
+where a return speaks against a target, which one above the threshold hardly ever does. Three pairs and more that measure
+Doppler are read coarsely: the third in the middle of what the strips of the first two have in common, which may be
+several of its own bins long where their directions are nearly the same.
 
 Check: dense random states of a cell, whose ratios are multiplied state by state.
 """
@@ -33,7 +35,8 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.likelihoods.crossings import Crossing, Excess, excess_of
+from faintrack.likelihoods.crossings import log_crossed
+from faintrack.likelihoods.excess import Excess, excess_of
 from faintrack.likelihoods.guided import AT_ONCE, Guided
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.bistatic import Bistatic
@@ -97,8 +100,9 @@ class Multistatic(eqx.Module):
         self.order = tuple(int(number) for number in np.argsort(steps, kind="stable"))
         self.audible = None
         pairs = [each.mesh.sonar.pair for each in self.guided]
-        if all(pair is not None for pair in pairs):
-            self.audible = eqx.filter_jit(_audible)(self.guided, pairs)
+        fixed = [pair for pair in pairs if pair is not None]
+        if len(fixed) == len(pairs):
+            self.audible = eqx.filter_jit(_audible)(self.guided, fixed)
 
     @property
     def grid(self) -> Grid:
@@ -143,8 +147,7 @@ class Multistatic(eqx.Module):
     ) -> tuple[Float[Array, " return"], ...]:
         """Probability that each return is an echo of one of some targets, a pair each."""
         return tuple(
-            each.of_targets(ping, log_weights, existence)
-            for each, ping in zip(self.guided, scan.pings, strict=True)
+            each.of_targets(ping, log_weights, existence) for each, ping in zip(self.guided, scan.pings, strict=True)
         )
 
     def alike(self, scan: Pings, states: Any, centres: Any) -> Bool[Array, "centre *cells"]:
@@ -170,19 +173,16 @@ class Multistatic(eqx.Module):
     @full_precision
     def _means(self, scan: Pings) -> Float[Array, "..."]:
         """`log_mean_ratio`, compiled with what calls it."""
-        guided = [self.guided[number] for number in self.order]
-        excesses = [
-            excess_of(self.guided[number], scan.pings[number], scan.reported[number]) for number in self.order
-        ]
+        excesses = [excess_of(self.guided[number], scan.pings[number], scan.reported[number]) for number in self.order]
         audible = self.audible
         if audible is None or any(ping.pair is not None for ping in scan.pings):
-            audible = _audible(self.guided, [each.pair for each in sorted_back(excesses, self.order)])
-        audible = audible[jnp.array(self.order)]
-        quiet = _quiet(excesses, audible)
+            audible = _audible(
+                self.guided, [excesses[self.order.index(number)].pair for number in range(len(excesses))]
+            )
+        quiet = _quiet(excesses, audible[jnp.array(self.order)])
         near = [_near(number, excesses) for number in range(len(excesses))]
         across = [
-            Crossing(first, second, guided).log_sums(excesses)
-            for first, second in itertools.combinations(range(len(excesses)), 2)
+            log_crossed(excesses, first, second) for first, second in itertools.combinations(range(len(excesses)), 2)
         ]
         lost = sum(each.lost for each in near)
         logs = [jnp.log(jnp.maximum(quiet - lost, 0)), *(each.log_sum for each in near), *across]
@@ -190,7 +190,8 @@ class Multistatic(eqx.Module):
         # What the points of one pair take from the default another's may have taken too.
         over = jnp.log(jnp.maximum(lost - quiet, 0)) - total
         means = total + jnp.log1p(-jnp.exp(jnp.minimum(over, np.log1p(-LEAST))))
-        mesh = next((each.mesh for each in guided if each.mesh.sonar.doppler is not None), guided[0].mesh)
+        meshes = [each.mesh for each in self.guided]
+        mesh = next((each for each in meshes if each.sonar.doppler is not None), meshes[0])
         return mesh.on_grid(means)
 
 
@@ -201,11 +202,6 @@ class _Sums(NamedTuple):
     lost: Float[Array, "x y velocity"]
 
 
-def sorted_back(values: list[Any], order: tuple[int, ...]) -> list[Any]:
-    """Values in the order before they were put in one."""
-    return [values[order.index(number)] for number in range(len(order))]
-
-
 def _audible(guided: tuple[Guided, ...], pairs: list[Bistatic]) -> Bool[Array, "pair x y place"]:
     """Whether pairs hear delays from places of every position cell."""
     axes = guided[0].mesh.axes
@@ -213,11 +209,9 @@ def _audible(guided: tuple[Guided, ...], pairs: list[Bistatic]) -> Bool[Array, "
     off_x, off_y = (each.ravel() for each in np.meshgrid(within, within, indexing="ij"))
     x = jnp.asarray(axes["x"].values[:, None, None] + axes["x"].step * off_x, float)
     y = jnp.asarray(axes["y"].values[None, :, None] + axes["y"].step * off_y, float)
-    zero = jnp.zeros(())
-    places = PlanarState(*jnp.broadcast_arrays(x, y), zero, zero)
-    return jnp.stack(
-        [each.mesh.hears(pair.echo(places)[0]) for each, pair in zip(guided, pairs, strict=True)]
-    )
+    x, y = jnp.broadcast_arrays(x, y)
+    places = PlanarState(x, y, jnp.zeros(()), jnp.zeros(()))
+    return jnp.stack([each.mesh.hears(pair.echo(places)[0]) for each, pair in zip(guided, pairs, strict=True)])
 
 
 def _quiet(excesses: list[Excess], audible: Bool[Array, "pair x y place"]) -> Float[Array, "x y velocity"]:
@@ -248,7 +242,8 @@ def _near(number: int, excesses: list[Excess]) -> _Sums:
         x, y, cell = points.x[returns], points.y[returns], points.cell[returns]
         edges = shifts[returns, :1] + jnp.arange(shifts.shape[1] + 1) - 0.5
         shares = mesh.shares(mesh.spread(mine.pair, x, y), edges[:, None, None, :])
-        rows = jnp.einsum("rdbnv,krdbn->rdbkv", shares, weighted[:, returns])
+        counts = jnp.where(mine.there[returns] & (returns < len(mine.there)), 1.0, 0.0)[:, None, None, None]
+        rows = jnp.einsum("rdbnv,krdbn->rdbkv", shares, weighted[:, returns] * counts)
         for each in others:
             rows = rows * each.quiet_at(x, y, cell)[..., None, :]
         return sums.at[cell].add(rows)

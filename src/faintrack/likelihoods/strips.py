@@ -10,9 +10,8 @@ the part
 of it. Strips of one direction, as those of receivers in one place, are no special case.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -71,27 +70,38 @@ class Strips(NamedTuple):
     along_y: Float[Array, "*place strip other velocity"] | None
 
     def read(self, mesh: Mesh, pair: Bistatic, profile: Real, x: Real, y: Real) -> Real:
-        """What another pair has in the parts: its ratio over its Doppler points, in their middles.
+        """What another pair has in the parts: its ratio in their middles, by straight lines of its logarithm.
 
         Parameters
         ----------
         mesh, pair : of the other pair.
-        profile : ratio at each place, from the first Doppler point in a bin of the sonar to the last; linear.
+        profile : log of its ratio at each place, from the first Doppler point in a bin of the sonar to the last.
         x, y : places; m.
         """
         if mesh.sonar.doppler is None:
-            return profile[..., None, None, :]
+            return jnp.exp(profile)[..., None, None, :]
         low, count = mesh.first(2), mesh.count(2)
         if self.along_x is None or self.along_y is None:
             edges = low + jnp.arange(count + 1) - 0.5
-            return jnp.einsum("...n,...nv->...v", profile, mesh.shares(mesh.spread(pair, x, y), edges))[..., None, None, :]
+            shares = mesh.shares(mesh.spread(pair, x, y), edges)
+            return jnp.einsum("...n,...nv->...v", jnp.exp(profile), shares)[..., None, None, :]
         shifts = shifts_of(mesh, pair, x, y)
         middle, slope_x, slope_y = (each[..., None, None, :] for each in shifts)
-        shift = middle + slope_x * self.along_x + slope_y * self.along_y
-        number = jnp.floor(shift + 0.5).astype(jnp.int32) - low
-        inside = (number >= 0) & (number < count)
-        flat = jnp.clip(number, 0, count - 1).reshape(*profile.shape[:-1], -1)
-        return jnp.where(inside, jnp.take_along_axis(profile, flat, axis=-1).reshape(number.shape), 0)
+        shift = middle + slope_x * self.along_x + slope_y * self.along_y - low
+        before = jnp.clip(jnp.floor(shift), 0, max(count - 2, 0)).astype(jnp.int32)
+        share = jnp.clip(shift - before, 0, 1)
+
+        def at(number: Int[Array, "..."]) -> Real:
+            flat = jnp.minimum(number, count - 1).reshape(*profile.shape[:-1], -1)
+            return jnp.take_along_axis(profile, flat, axis=-1).reshape(number.shape)
+
+        ends = at(before), at(before + 1)
+        # At the end of a swath there is one of the two.
+        near = jnp.where(share < 0.5, *ends)
+        both = jnp.minimum(*ends) > -jnp.inf
+        between = jnp.where(both, ends[0], 0) * (1 - share) + jnp.where(both, ends[1], 0) * share
+        inside = (shift >= -0.5) & (shift < count - 0.5)
+        return jnp.where(inside, jnp.exp(jnp.where(both, between, near)), 0)
 
 
 def strips_of(
@@ -130,8 +140,7 @@ def strips_of(
     low, high = jnp.minimum(*ends), jnp.maximum(*ends)
     high = jnp.maximum(high, low + NARROW)
     number = points[1][:, None, :, None]
-    lower = jnp.maximum(low[..., None, :], number - 0.5)
-    upper = jnp.minimum(high[..., None, :], number + 0.5)
+    lower, upper = jnp.maximum(low[..., None, :], number - 0.5), jnp.minimum(high[..., None, :], number + 0.5)
     parts = jnp.maximum(upper - lower, 0) / (high - low)[..., None, :]
     step = ends[1] - ends[0]
     wide = jnp.abs(step) > NARROW

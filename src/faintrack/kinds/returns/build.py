@@ -302,8 +302,8 @@ def _require_crossings(guided: list[Guided], parts: tuple[PairReturns, ...]) -> 
         if crossings > 4 * LARGEST_TABLE:
             raise InputError(
                 f"{parts[first].pair.name} and {parts[second].pair.name} have up to {capacity[first]} and "
-                f"{capacity[second]} returns in a ping, which may cross at {crossings:,} places; expected fewer: a higher "
-                "threshold_db, or a smaller swath or finer."
+                f"{capacity[second]} returns in a ping, which may cross at {crossings:,} places; expected fewer: a "
+                "higher threshold_db, or a smaller swath or finer."
             )
 
 

@@ -7,6 +7,7 @@ many returns as are expected. Ranks in tenths and the number of returns show whe
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -50,9 +51,7 @@ def fit_of(
     return Fit(ranks, jnp.asarray(expected, float), jnp.asarray(shape, float))
 
 
-def fit_of_scan(
-    scan: Ping | Pings, thresholds: tuple[float, ...], expected: Any = jnp.nan, shape: Any = 0.0
-) -> Fit:
+def fit_of_scan(scan: Ping | Pings, thresholds: tuple[float, ...], expected: Any = jnp.nan, shape: Any = 0.0) -> Fit:
     """Fit of a ping; that of several pairs is stacked.
 
     Parameters
@@ -163,7 +162,7 @@ class FitOfPairs:
         tracked : whether there is a track.
         """
         for number, (part, fit) in enumerate(zip(self._parts, self._fits, strict=True)):
-            mine = fits if len(self._parts) == 1 else Fit(*(np.asarray(each)[:, number] for each in fits))
+            mine = fits if len(self._parts) == 1 else jax.tree.map(lambda each, number=number: each[:, number], fits)
             fit.add(mine, part.binned.returns.counts[numbers], tracked | ~reported[:, number])
 
     def remarks(self) -> tuple[str, ...]:

@@ -81,8 +81,8 @@ def heard(scenario: ReturnsScenario, returns: Returns) -> tuple[tuple[SonarPair,
         told = any(labels[number] for labels in returns.pairs)
         if told and listed is None:
             raise InputError(
-                f"{returns.origin}: there is a column {platform}, and the scenario has no [[{platform}s]]; expected them, "
-                "with a name each."
+                f"{returns.origin}: there is a column {platform}, and the scenario has no [[{platform}s]]; expected "
+                "them, with a name each."
             )
         if not told and listed is not None and len(listed) > 1:
             raise InputError(
@@ -105,9 +105,7 @@ def heard(scenario: ReturnsScenario, returns: Returns) -> tuple[tuple[SonarPair,
     return tuple((pair, found[names]) for names, pair in pairs.items() if names in found)
 
 
-def reported_by(
-    scenario: ReturnsScenario, returns: Returns, parts: Sequence[HasPair]
-) -> Bool[np.ndarray, "ping pair"]:
+def reported_by(scenario: ReturnsScenario, returns: Returns, parts: Sequence[HasPair]) -> Bool[np.ndarray, "ping pair"]:
     """Whether each of some pairs reported in a ping.
 
     Parameters
@@ -134,6 +132,6 @@ def _named(scenario: ReturnsScenario, platform: str, label: str, origin: str) ->
     if label.isdecimal() and 1 <= int(label) <= len(listed):
         return listed[int(label) - 1]
     raise InputError(
-        f"{origin}: {platform} is {label!r}; expected one of the [[{platform}s]] of the scenario, {', '.join(listed)}, or "
-        "its number from 1 on."
+        f"{origin}: {platform} is {label!r}; expected one of the [[{platform}s]] of the scenario, {', '.join(listed)}, "
+        "or its number from 1 on."
     )

@@ -22,7 +22,9 @@ def about(result: Result) -> dict[str, str]:
     }
     for pair in pairs:
         part = data if one else data.sel(pair=pair.name)
-        facts |= {f"{pair.name}, {name}" if pair.name else name: fact for name, fact in _of_pair(part, pair.table).items()}
+        facts |= {
+            f"{pair.name}, {name}" if pair.name else name: fact for name, fact in _of_pair(part, pair.table).items()
+        }
     facts["grid"] = " and ".join(
         f"{data.sizes[x]} x {data.sizes[y]} cells of {_cell(data[x])} x {_cell(data[y])}"
         for x, y in (("axis_x", "axis_y"), ("axis_vx", "axis_vy"))

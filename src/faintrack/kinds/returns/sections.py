@@ -154,8 +154,8 @@ class SourceSection(BinsSection):
     name : as in the column `source` of the returns.
     place : where it stands still: metres east and north. The columns of the returns take its place.
     pulse : what it transmits; where not given, that of `[sonar]`.
-    delay, delay_bins, delay_step, beams, beam_width_deg, doppler, doppler_bins, doppler_step : of what receivers hear of
-        it, in place of those of `[sonar]`.
+    delay, delay_bins, delay_step, beams, beam_width_deg, doppler, doppler_bins, doppler_step : of what receivers hear
+        of it, in place of those of `[sonar]`.
     threshold_db, snr_db, reach, swath, finer : likewise.
     """
 
@@ -171,8 +171,8 @@ class ReceiverSection(BinsSection):
     ----------
     name : as in the column `receiver` of the returns.
     place : where it stands still: metres east and north. The columns of the returns take its place.
-    delay, delay_bins, delay_step, beams, beam_width_deg, doppler, doppler_bins, doppler_step : of what it hears, in place
-        of those of its source and of `[sonar]`.
+    delay, delay_bins, delay_step, beams, beam_width_deg, doppler, doppler_bins, doppler_step : of what it hears, in
+        place of those of its source and of `[sonar]`.
     threshold_db, snr_db, reach, swath, finer : likewise.
     """
 
@@ -315,8 +315,8 @@ class ReturnsScenario(Scenario):
             for number, name in enumerate(names):
                 if name in names[:number]:
                     raise ValueError(
-                        f"{platform}s[{number}].name is {name!r}, as that of {platform}s[{names.index(name)}]: expected "
-                        "names that differ"
+                        f"{platform}s[{number}].name is {name!r}, as that of {platform}s[{names.index(name)}]: "
+                        "expected names that differ"
                     )
         if self.sonar.pulse is None and any(each.pulse is None for each in self.sources or (self.sonar,)):
             also = ", or a pulse in each of [[sources]]" if self.sources else ""
