@@ -16,9 +16,9 @@ every set of pairs with an excess being counted by its first two. Each sum has p
 - The sum over two pairs has points where the swaths of their returns cross (`faintrack.likelihoods.crossings`).
 
 Where nothing is near, or only one pair has a return, the last sum is 0. An excess is taken as 0 where it is negative:
-where a return speaks against a target, which one above the threshold hardly ever does. Three pairs and more that measure
-Doppler are read coarsely: the third in the middle of what the strips of the first two have in common, which may be
-several of its own bins long where their directions are nearly the same.
+where a return speaks against a target, which one above the threshold hardly ever does. Three pairs and more that
+measure Doppler are read coarsely: the third in the middle of what the strips of the first two have in common, which may
+be several of its own bins long where their directions are nearly the same.
 
 Check: dense random states of a cell, whose ratios are multiplied state by state.
 """
