@@ -138,7 +138,7 @@ def test_sensors_that_move_give_the_same_means() -> None:
 
 def test_strips_share_velocity_cells_as_random_velocities_do() -> None:
     """Shares of quarters of both Doppler bins, at a place seen from two sides and at one from nearly the same: 200,000
-    velocities a cell, five standard errors of 0.001 at most, and what the middle line of a strip leaves out."""
+    velocities a cell, five standard errors of 0.001. The middle line of a strip may be one strip of the other away."""
     velocities, count, points = grid(), 200_000, np.arange(-2, 26)
     pairs = [Bistatic(fixed(*SOURCE), fixed(*receiver)) for receiver in RECEIVERS]
     likelihood = ExceedanceLikelihood(tone(), SNR, THRESHOLD)
@@ -155,8 +155,9 @@ def test_strips_share_velocity_cells_as_random_velocities_do() -> None:
             shifts = [(np.asarray(pair.doppler(states, 500.0)) - doppler.first) / doppler.step for pair in pairs]
             share = np.histogram2d(*(4 * shift for shift in shifts), bins=np.append(points, 26) - 0.5)[0] / count
             found = np.asarray(strips.shares[place, :, :, number])
-            np.testing.assert_allclose(found, share, atol=0.025)
-            np.testing.assert_allclose(found.sum(), share.sum(), atol=0.025)
+            summed, drawn = (np.cumsum(each, axis=1) for each in (found, share))
+            assert np.all(drawn[:, 1:] >= summed[:, :-1] - 0.005)
+            assert np.all(drawn[:, :-1] <= summed[:, 1:] + 0.005)
 
 
 def test_what_cannot_be_used_is_said() -> None:
