@@ -13,13 +13,12 @@ from faintrack.errors import InputError
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.likelihoods.multistatic import Multistatic
-from faintrack.likelihoods.strips import strips_of
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.sensors.multistatic import Pings
 from faintrack.targets.states import PlanarState
 from tests.exact.test_guided import heard
-from tests.sonar import SOURCE, every_bin, grid, log_ratio, planar, sweep, tone
+from tests.sonar import SOURCE, every_bin, log_ratio, planar, sweep
 
 SNR, THRESHOLD = 8.0, 5.0
 RECEIVERS = (-200.0, 500.0), (1500.0, -700.0)
@@ -134,30 +133,6 @@ def test_sensors_that_move_give_the_same_means() -> None:
     ]
     first = log_ratio(Multistatic(both), scan_of(*pings))
     np.testing.assert_allclose(log_ratio(Multistatic(moving), scan_of(*placed)), first, rtol=1e-3, atol=1e-3)
-
-
-def test_strips_share_velocity_cells_as_random_velocities_do() -> None:
-    """Shares of quarters of both Doppler bins, at a place seen from two sides and at one from nearly the same: 200,000
-    velocities a cell, five standard errors of 0.001. The middle line of a strip may be one strip of the other away."""
-    velocities, count, points = grid(), 200_000, np.arange(-2, 26)
-    pairs = [Bistatic(fixed(*SOURCE), fixed(*receiver)) for receiver in RECEIVERS]
-    likelihood = ExceedanceLikelihood(tone(), SNR, THRESHOLD)
-    mesh = Guided(likelihood, velocities, (2, 2, 2), (1, 4, 4)).mesh
-    x, y = jnp.array([900.0, 3500.0]), jnp.array([-100.0, 3600.0])
-    numbers = jnp.broadcast_to(jnp.asarray(points), (2, len(points)))
-    strips = strips_of((mesh, mesh), (pairs[0], pairs[1]), x, y, (numbers, numbers))
-    vx, vy = (dict(velocities.axes)[name] for name in ("vx", "vy"))
-    doppler, rng = likelihood.sonar.doppler, np.random.default_rng(0)
-    for number, (column, row) in enumerate(np.ndindex(vx.count, vy.count)):
-        speeds = [axis.values[at] + axis.step * rng.uniform(-0.5, 0.5, count) for axis, at in ((vx, column), (vy, row))]
-        for place in range(2):
-            states = planar(float(x[place]), float(y[place]), *speeds)
-            shifts = [(np.asarray(pair.doppler(states, 500.0)) - doppler.first) / doppler.step for pair in pairs]
-            share = np.histogram2d(*(4 * shift for shift in shifts), bins=np.append(points, 26) - 0.5)[0] / count
-            found = np.asarray(strips.shares[place, :, :, number])
-            summed, drawn = (np.cumsum(each, axis=1) for each in (found, share))
-            assert np.all(drawn[:, 1:] >= summed[:, :-1] - 0.005)
-            assert np.all(drawn[:, :-1] <= summed[:, 1:] + 0.005)
 
 
 def test_what_cannot_be_used_is_said() -> None:

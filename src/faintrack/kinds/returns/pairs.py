@@ -29,13 +29,7 @@ class SonarPair:
 
     @property
     def name(self) -> str:
-        """Of both, for messages and results.
-
-        Examples
-        --------
-        >>> SonarPair("", "buoy 1", None).name
-        'buoy 1'
-        """
+        """Of both, for messages and results."""
         return " to ".join(name for name in (self.source, self.receiver) if name)
 
 
