@@ -120,8 +120,8 @@ def looked_at(scene: Scene, seed: int) -> Looked:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_means_are_those_of_dense_random_states(name: str) -> None:
-    """Within half a nat and four standard errors in nine of ten cells at least (98 to 100 % of those of the pings below),
-    within a quarter in most."""
+    """Within half a nat and four standard errors in nine of ten cells at least (98 to 100 % of those of the pings
+    below), within a quarter in most."""
     off, error, _ = looked_at(SCENES[name], seed=1)
     sure = error < SURE
     assert sure.sum() >= 12

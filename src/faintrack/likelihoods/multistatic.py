@@ -83,7 +83,7 @@ class Multistatic(eqx.Module):
     >>> means = Multistatic(every).log_mean_ratio(Pings(jnp.array(0.0), tuple(heard), jnp.array([True, True])))
     >>> best = np.unravel_index(int(means.argmax()), means.shape)
     >>> [float(place.values[number]) for number in best], round(float(means.max()), 1)
-    ([8750.0, 11250.0], 15.3)
+    ([8750.0, 11250.0], 16.9)
     """
 
     guided: tuple[Guided, ...]
