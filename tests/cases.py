@@ -41,6 +41,7 @@ from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.likelihoods.heavy_tails import student
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
+from faintrack.likelihoods.multistatic import Multistatic
 from faintrack.likelihoods.random_points import RandomPoints
 from faintrack.likelihoods.superposed import SuperposedLikelihood
 from faintrack.likelihoods.unknown_level import UnknownLevel
@@ -53,6 +54,7 @@ from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.sensors.cells import Cells, CellScan
+from faintrack.sensors.multistatic import Pings
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.sensors.superposed import SensorNetwork, inverse_square, picture
 from faintrack.signal.clutter import ClutterScan, Level
@@ -417,9 +419,19 @@ def random_points_case(dtype: type) -> Case:
     return dataclasses.replace(inner, likelihood=means)
 
 
+def multistatic_case(dtype: type) -> Case:
+    """Two receivers, the second with a wider beam."""
+    other = dataclasses.replace(sonar(), pair=Bistatic(fixed(0.0, 0.0), fixed(-900.0, 1200.0)), beams=9)
+    both = exceedances(), ExceedanceLikelihood(other, 0.4, 4.0)
+    means = Multistatic([Guided(each, position_grid(5), (2, 1, 0)) for each in both])
+    one = returns_case(means, dtype, *PLACES)
+    return dataclasses.replace(one, scan=Pings(jnp.zeros((), dtype), (one.scan, one.scan), jnp.ones(2, bool)))
+
+
 CELL_MEANS: dict[str, Callable[[type], Case]] = {
     "guided": guided_case,
     "guided, unknown SNR": guided_snr_case,
+    "multistatic": multistatic_case,
     "random points": random_points_case,
 }
 """Those that know the mean of every cell of a grid."""

@@ -16,6 +16,7 @@ from faintrack.bench.active import (
     fm_scan_batch,
     fm_scan_fine,
     fm_scan_moving,
+    fm_scan_two,
 )
 from faintrack.bench.beams import beam_power_acoular, beam_power_numpy
 from faintrack.bench.bernoulli import bernoulli_step_batch, bernoulli_step_single
@@ -54,6 +55,7 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
         fm_scan_fine,
         fm_scan_moving,
         fm_scan_batch,
+        fm_scan_two,
         cw_scan_base,
         cw_scan_fine,
         cw_scan_moving,

@@ -16,12 +16,19 @@ from faintrack.bench.rows import Row, row, timed
 from faintrack.bench.sizes import Sizes
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.run import step
+from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
+from faintrack.likelihoods.multistatic import Multistatic
 from faintrack.sensors.active import ActiveSonar, Ping
+from faintrack.sensors.bistatic import Bistatic, fixed
+from faintrack.sensors.multistatic import Pings
+from faintrack.simulation.active import capacity_for, draw_ping
 from faintrack.studies.aughenbaugh2010 import runs, scene
 
 SCAN = 20
 """Of the run that is timed: the target is in view."""
+SECOND = 6000.0, -2000.0
+"""Where a second receiver is; m."""
 RUNS = 8
 """In a batch."""
 
@@ -62,6 +69,32 @@ def fm_scan_batch(machine: Machine, sizes: Sizes) -> Row:
     return _row("fm_scan_batch", "fm", sizes.base, 15.0, None, how, sizes, count=RUNS)
 
 
+def fm_scan_two(machine: Machine, sizes: Sizes) -> Row:
+    """FM on the base grid, heard by two receivers; the peer is one of them alone."""
+    filter, one = scene.filter_on(sizes.base), _guided("fm", sizes.base, moving=False)
+    place = Bistatic(fixed(0.0, 0.0), fixed(*SECOND))
+    sonar: ActiveSonar = dataclasses.replace(one.likelihood.sonar, pair=place)
+    likelihood = ExceedanceLikelihood(sonar, float(one.likelihood.snr), one.likelihood.threshold)
+    other = Guided(likelihood, one.mesh.grid, runs.SWATH["fm"], runs.finer(sizes.base))
+    state = jax.tree.map(lambda values: values[SCAN], scene.truth())
+    capacity = capacity_for(likelihood)
+    pings = tuple(
+        draw_ping(key, each.likelihood, capacity, jnp.asarray(scene.INTERVAL * SCAN, jnp.float32), state, True)[0]
+        for key, each in zip(jax.random.split(jax.random.key(0)), (one, other), strict=True)
+    )
+    scan = Pings(pings[0].time, pings, jnp.array([True, True]))
+    before = filter.init(jax.random.key(0), scene.INTERVAL * (SCAN - 1), existence=0.5)
+    both, key = Multistatic([one, other]), jax.random.key(1)
+    timing = timed(lambda: _step(filter, both, before, scan, key), sizes.repeat_seconds)
+    alone = timed(lambda: _step(filter, one, before, pings[0], key), sizes.repeat_seconds)
+    counts = " and ".join(str(int(ping.there.sum())) for ping in pings)
+    note = (
+        f"motion and measurement of one FM scan on {' x '.join(map(str, filter.grid.shape))} cells, {counts} returns; "
+        "two receivers; peer: one of them"
+    )
+    return row("fm_scan_two", "ms", timing, note, 150.0, alone.least)
+
+
 def _fixed(name: str, pulse: str, cells: tuple[int, int], target: float, published: float, sizes: Sizes) -> Row:
     return _row(name, pulse, cells, target, published, "sensors stand still", sizes)
 
@@ -98,6 +131,12 @@ def _row(
         f"{int(pings.there.sum()) / count:.0f} returns; {how}; {beside}"
     )
     return row(name, "ms", timing, note, target, published)
+
+
+@eqx.filter_jit
+def _step(filter: GridFilter, means: Guided | Multistatic, before: Belief, scan: Ping | Pings, key: Array) -> Belief:
+    """Belief after one scan."""
+    return step(filter, means, before, scan, key)[0]
 
 
 @eqx.filter_jit

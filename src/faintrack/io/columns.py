@@ -24,7 +24,8 @@ from faintrack.io.write_recordings import completed
 SUFFIXES = (".csv", ".zarr")
 TIME = "time_s"
 
-Columns = Mapping[str, Float[np.ndarray, " row"]]
+Columns = Mapping[str, np.ndarray]
+"""Numbers by name, or text in columns of labels."""
 
 
 def read_columns(
@@ -62,17 +63,20 @@ def read_columns(
 
 
 def _read_text(
-    path: Path, require: Callable[[Sequence[str], str], Any]
+    path: Path, require: Callable[[Sequence[str], str], Any], labels: Sequence[str] = ()
 ) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[str, ...]]:
-    """The same, and what was taken."""
+    """The same, and what was taken; columns of labels are text."""
     with opened(path) as table:
         names = [TIME if name == "time" else name for name in table.names]
         require(names, str(path))
-        columns = [array.array("d") for _ in names]
+        columns: list[Any] = [[] if name in labels else array.array("d") for name in names]
         lines = array.array("q")
         for line, row in table:
             lines.append(line)
             for name, column, text in zip(names, columns, row, strict=True):
+                if name in labels:
+                    column.append(text.strip())
+                    continue
                 value = table.seconds if name == TIME else table.number
                 column.append(value(text, f"row {line}: {name}") if text.strip() else np.nan)
     found = dict(zip(names, map(np.asarray, columns), strict=True))
@@ -105,8 +109,8 @@ def column_names(path: Path) -> frozenset[str]:
 
 
 def read_table(
-    path: Path, what: str, row: str, require: Callable[[Sequence[str], str], Any]
-) -> tuple[dict[str, Float[np.ndarray, " row"]], Int[np.ndarray, " row"] | None, tuple[str, ...]]:
+    path: Path, what: str, row: str, require: Callable[[Sequence[str], str], Any], labels: Sequence[str] = ()
+) -> tuple[dict[str, np.ndarray], Int[np.ndarray, " row"] | None, tuple[str, ...]]:
     """Columns of a CSV file or a Zarr folder, in CSV the line of every row, and what was taken.
 
     Parameters
@@ -115,19 +119,20 @@ def read_table(
     what : the file holds, for messages: returns, bearings.
     row : name of the axis in Zarr, whose own numbers are no column.
     require : as of `read_columns`; Zarr is left to the caller.
+    labels : names of the columns that may hold text.
 
     Raises
     ------
     InputError : the file is missing, unknown or damaged, or a value is no number.
     """
     if _suffix(path, what) == ".csv":
-        return _read_text(path, require)
-    return _read_zarr(path, row), None, ()
+        return _read_text(path, require, labels)
+    return _read_zarr(path, row, labels), None, ()
 
 
 def without_repeats(
     columns: Columns, lines: Int[np.ndarray, " row"] | None
-) -> tuple[dict[str, Float[np.ndarray, " kept"]], Int[np.ndarray, " kept"] | None, tuple[str, ...]]:
+) -> tuple[dict[str, np.ndarray], Int[np.ndarray, " kept"] | None, tuple[str, ...]]:
     """Columns in which every row stands once, the lines that are left, and a remark where there are fewer.
 
     Parameters
@@ -140,7 +145,7 @@ def without_repeats(
     >>> lines.tolist(), remarks
     ([2, 4], ('1 rows stand in the file twice; each counts once.',))
     """
-    values = [np.asarray(column, float) for column in columns.values()]
+    values = [_numbered(np.asarray(column)) for column in columns.values()]
     if not values or len({value.shape for value in values}) > 1 or values[0].ndim != 1:
         return dict(columns), lines, ()
     # NaN equals itself here, and 0 its negative.
@@ -154,13 +159,20 @@ def without_repeats(
     return left, (kept if lines is None else lines[kept]), (said,)
 
 
+def _numbered(column: np.ndarray) -> Float[np.ndarray, "..."]:
+    """A column as numbers: those that it holds, or one for each of its labels."""
+    if column.dtype.kind in "UO":
+        column = np.unique(column.astype(str), return_inverse=True)[1]
+    return np.asarray(column, float)
+
+
 def write_table(path: Path, what: str, row: str, columns: Columns) -> None:
     """Write columns to a file, beside its place first and then renamed; numbers have nine digits in CSV.
 
     Parameters
     ----------
     path, what, row : as in `read_table`. An earlier file is replaced.
-    columns : what to write.
+    columns : what to write; labels are text.
 
     Raises
     ------
@@ -176,10 +188,16 @@ def write_table(path: Path, what: str, row: str, columns: Columns) -> None:
                 writer = csv.writer(file)
                 writer.writerow(columns)
                 for each in zip(*columns.values(), strict=True):
-                    writer.writerow(["" if np.isnan(value) else f"{value:.9g}" for value in each])
+                    writer.writerow([_written(value) for value in each])
         else:
             data = xr.Dataset({name: (row, column) for name, column in columns.items()})
             data.to_zarr(partial, zarr_format=2)
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return "" if np.isnan(value) else f"{value:.9g}"
 
 
 def _suffix(path: Path, what: str) -> str:
@@ -189,13 +207,14 @@ def _suffix(path: Path, what: str) -> str:
     return suffix
 
 
-def _read_zarr(path: Path, row: str) -> dict[str, np.ndarray]:
+def _read_zarr(path: Path, row: str, labels: Sequence[str] = ()) -> dict[str, np.ndarray]:
     columns = {}
     with naming(path):
         for name, variable in open_zarr(path).items():
             if name == row:  # numbers of the rows
                 continue
-            require_numeric(variable.dtype, name)
+            if name not in labels or variable.dtype.kind != "U":
+                require_numeric(variable.dtype, name)
             packed = variable.attributes.keys() & {"scale_factor", "add_offset"}
             if packed:
                 raise InputError(f"{name} is packed with {min(packed)}; expected plain values.")

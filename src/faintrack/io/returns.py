@@ -11,15 +11,16 @@ What `faintrack.io.recordings` is for samples this is for returns. Both kinds of
     180,,,
     360,9.3820,318.6,15.72
 
-In CSV the first row names the columns, in any order, and a missing value is empty; semicolons, decimal commas and dates
-in UTC are understood (`faintrack.io.text`). A row that stands there twice counts once. In Zarr every column is an array
+Where there are several receivers or sources, columns `receiver` and `source` hold the name or number of each. In CSV
+the first row names the columns, in any order, and a missing value is empty; semicolons, decimal commas and dates in UTC
+are understood (`faintrack.io.text`). A row that stands there twice counts once. In Zarr every column is an array
 with one axis, `return`, and a missing value is not a number.
 """
 
 from dataclasses import replace
 from pathlib import Path
 
-from faintrack.data.returns import Returns, from_columns, require_names, to_columns
+from faintrack.data.returns import LABELS, Returns, from_columns, require_names, to_columns
 from faintrack.io.checks import explained
 from faintrack.io.columns import read_table, without_repeats, write_table
 
@@ -52,7 +53,7 @@ def read_returns(path: str | Path) -> Returns:
     """
     path = Path(path)
     with explained(f"{path} cannot be read as returns"):
-        columns, rows, remarks = read_table(path, "returns", "return", require_names)
+        columns, rows, remarks = read_table(path, "returns", "return", require_names, LABELS)
         columns, rows, repeats = without_repeats(columns, rows)
         return replace(from_columns(columns, rows, str(path)), remarks=remarks + repeats)
 

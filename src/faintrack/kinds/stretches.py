@@ -104,6 +104,8 @@ def of_returns(returns: Returns, start: float, stop: float) -> Returns:
         source=None if returns.source is None else returns.source[part],
         receiver=None if returns.receiver is None else returns.receiver[part],
         rows=returns.rows[mine],
+        pair=None if returns.pair is None else returns.pair[mine],
+        reported=None if returns.reported is None else returns.reported[part],
         origin=f"{returns.origin} from {start:g} to {stop:g} s",
     )
 

@@ -15,7 +15,7 @@ Where these matter, a stretch that is known to be quiet says more (`faintrack.ki
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
 from faintrack.data.bearings import Bearings
 from faintrack.data.recording import Recording
@@ -111,7 +111,12 @@ def exchanged(returns: Returns, seed: int) -> Returns:
     >>> sorted(exchanged(returns, seed=0).counts.tolist()), sorted(exchanged(returns, seed=0).delay.tolist())
     ([1, 2], [4.0, 5.0, 6.0])
     """
-    ping, order = _redistributed(returns.ping, order_of(returns.length, seed))
+    if returns.pair is None or returns.reported is None:
+        ping, order = _redistributed(returns.ping, order_of(returns.length, seed))
+    else:
+        moved = _among_reported(returns.ping, returns.pair, returns.reported, seed)
+        order = np.argsort(moved, kind="stable")
+        ping = moved[order]
     return replace(
         returns,
         ping=ping,
@@ -120,8 +125,27 @@ def exchanged(returns: Returns, seed: int) -> Returns:
         power=returns.power[order],
         doppler=None if returns.doppler is None else returns.doppler[order],
         rows=returns.rows[order],
+        pair=None if returns.pair is None else returns.pair[order],
         origin=f"{returns.origin}, pings exchanged",
     )
+
+
+def _among_reported(
+    scan: Int[np.ndarray, " report"],
+    group: Int[np.ndarray, " report"],
+    reported: Bool[np.ndarray, "scan group"],
+    seed: int,
+) -> Int[np.ndarray, " report"]:
+    """New scans of reports, those of each group among the scans in which it reported."""
+    rng = np.random.default_rng(seed)
+    scan = scan.copy()
+    for number in range(reported.shape[1]):
+        there = np.flatnonzero(reported[:, number])
+        place = np.arange(len(reported))
+        place[there] = rng.permutation(there)
+        mine = group == number
+        scan[mine] = place[scan[mine]]
+    return scan
 
 
 def _redistributed(
@@ -144,14 +168,7 @@ def mixed(bearings: Bearings, seed: int) -> Bearings:
     >>> sorted(np.bincount(mixed(heard, seed=0).scan).tolist())
     [1, 2]
     """
-    rng = np.random.default_rng(seed)
-    scan = bearings.scan.copy()
-    for number in range(len(bearings.observers)):
-        reported = np.flatnonzero(bearings.heard[:, number])
-        place = np.arange(bearings.length)
-        place[reported] = rng.permutation(reported)
-        mine = bearings.observer == number
-        scan[mine] = place[bearings.scan[mine]]
+    scan = _among_reported(bearings.scan, bearings.observer, bearings.heard, seed)
     order = np.argsort(scan, kind="stable")
     return replace(
         bearings,

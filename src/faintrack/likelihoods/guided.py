@@ -51,11 +51,13 @@ class Cover(NamedTuple):
     ----------
     area : of the mesh points in every position cell; m^2.
     default : mean ratio of every cell.
+    inside : ratio far from any return, less 1, of the velocities of a cell whose delays are heard.
     empty : whether there is no point in a position cell whose middle is heard.
     """
 
     area: Float[Array, "x y"]
     default: Float[Array, "x y velocity"]
+    inside: Float[Array, "x y velocity"]
     empty: Bool[Array, "x y"]
 
 
@@ -136,7 +138,7 @@ class Guided(eqx.Module):
         self.quiet = quiet_table(sonar, float(likelihood.snr), likelihood.threshold, self.mesh.finer)
         self.cover = None
         if sonar.pair is not None:
-            self.cover = eqx.filter_jit(_cover)(self.mesh, self.quiet, sonar.pair)
+            self.cover = eqx.filter_jit(cover_of)(self.mesh, self.quiet, sonar.pair)
 
     @eqx.filter_jit
     def log_mean_ratio(self, ping: Ping) -> Float[Array, "..."]:
@@ -272,8 +274,8 @@ class Guided(eqx.Module):
         mesh, pair = self.mesh, self.likelihood.sonar.geometry(ping)
         cover = self.cover
         if ping.pair is not None or cover is None:
-            cover = _cover(mesh, self.quiet, pair)
-        near = self._near(ping)
+            cover = cover_of(mesh, self.quiet, pair)
+        near = self.near(ping)
         bearing = (near.bearing * mesh.bearing_step)[:, None, :]
         x, y = pair.position(mesh.delay(near.delay[:, :, None]), bearing)
         inner, outer = (mesh.sector(pair, near.delay[:, :, None] + side, bearing) for side in (-0.5, 0.5))
@@ -284,7 +286,7 @@ class Guided(eqx.Module):
         peak = jnp.full(cover.area.size, -jnp.inf).at[cell.ravel()].max(told.max(axis=-1).ravel())
         peak = jnp.where(peak > -jnp.inf, peak, 0)
         relative = jnp.exp(told - peak[cell][..., None])
-        replaced = jnp.where(used, _default_at(mesh, self.quiet, near.doppler)[:, None, None, :], 0)
+        replaced = jnp.where(used, default_at(mesh, self.quiet, near.doppler)[:, None, None, :], 0)
         weighted = jnp.stack([relative, replaced]) * (outer - inner)[..., None]
 
         # What a loop reads is in memory; within it XLA would work the shifts out anew for every edge.
@@ -313,7 +315,7 @@ class Guided(eqx.Module):
     @eqx.filter_jit
     def samples(self, ping: Ping) -> Int[Array, ""]:
         """Number of mesh points at which the ratio of a ping is taken."""
-        return self._near(ping).used.sum()
+        return self.near(ping).used.sum()
 
     @property
     def _steps(self) -> list[Int[np.ndarray, " step"]]:
@@ -340,7 +342,7 @@ class Guided(eqx.Module):
         quiet = quiet_bin(mean, self.likelihood.threshold)
         return jnp.asarray(np.stack([-np.log(mean) - quiet, 1 - 1 / mean, within, quiet]), float)
 
-    def _near(self, ping: Ping) -> Near:
+    def near(self, ping: Ping) -> Near:
         """Mesh points around the returns, and their ratio."""
         mesh, steps = self.mesh, self._steps
         shape = tuple(map(len, steps))
@@ -382,7 +384,7 @@ class Guided(eqx.Module):
         return Near(total + quiet, used, delay, bearing, doppler)
 
 
-def _default_at(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], doppler: Int[Array, "..."]) -> Real:
+def default_at(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], doppler: Int[Array, "..."]) -> Real:
     """Mean ratio far from any return at Doppler points; between the ends of the delays."""
     fine = mesh.finer
     defaults = jnp.exp(quiet[quiet.shape[0] // 2, : fine[0], : fine[1]]).mean(axis=(0, 1))
@@ -390,7 +392,7 @@ def _default_at(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], doppler: Int[Array
 
 
 @full_precision
-def _cover(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], pair: Bistatic) -> Cover:
+def cover_of(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], pair: Bistatic) -> Cover:
     """Areas and default values of all cells."""
     area, heard = mesh.areas(pair)
     share = jnp.where(area > 0, heard / jnp.where(area > 0, area, 1), 0)[..., None]
@@ -401,7 +403,6 @@ def _cover(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], pair: Bistatic) -> Cove
     edges = jnp.asarray(low + np.append(starts, count) - 0.5, float)
     middles = mesh.middles()
     shares = mesh.shares(mesh.spread(pair, middles.x[..., 0], middles.y[..., 0]), edges)
-    inside = jnp.einsum("xysv,s->xyv", shares, _default_at(mesh, quiet, jnp.asarray(low + starts)) - 1)
-    delay, _ = pair.echo(middles)
-    within = mesh.sonar.heard(jnp.asarray(mesh.sonar.delay.place(delay)), jnp.zeros(()))[..., 0]
-    return Cover(area, 1 + share * inside, (area == 0) & within)
+    inside = jnp.einsum("xysv,s->xyv", shares, default_at(mesh, quiet, jnp.asarray(low + starts)) - 1)
+    within = mesh.hears(pair.echo(middles)[0])[..., 0]
+    return Cover(area, 1 + share * inside, inside, (area == 0) & within)

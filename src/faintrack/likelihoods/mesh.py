@@ -98,6 +98,11 @@ class Mesh(eqx.Module):
         return {name: every[name] for name in self.names}
 
     @property
+    def cell_area(self) -> float:
+        """Area of a position cell; m^2."""
+        return self.axes["x"].step * self.axes["y"].step
+
+    @property
     def around(self) -> int:
         """Bearings of the mesh."""
         return self.finer[1] * self.sonar.beams
@@ -118,6 +123,10 @@ class Mesh(eqx.Module):
     def heard(self, number: Int[Array, "..."], axis: int) -> Bool[Array, "..."]:
         """Whether points of delay or Doppler lie in bins of the sonar."""
         return (number >= self.first(axis)) & (number < self.first(axis) + self.count(axis))
+
+    def hears(self, delay: Real) -> Bool[Array, "..."]:
+        """Whether delays, in s, lie in bins of the sonar."""
+        return self.sonar.heard(jnp.asarray(self.sonar.delay.place(delay)), jnp.zeros(()))
 
     def whole(self, number: Int[Array, "..."], axis: int) -> tuple[Int[Array, "..."], Int[Array, "..."]]:
         """Class of the bin before a point of delay or Doppler (`edge_class`), and its place after that bin."""

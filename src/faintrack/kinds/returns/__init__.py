@@ -37,6 +37,15 @@ def _describe(returns: Returns) -> dict[str, str]:
         "returns": f"{len(returns.delay)}, {returns.counts.max()} at most in a ping",
         "span": f"{returns.times[-1] - returns.times[0]:g} s",
     }
+    for platform, labels in zip(("sources", "receivers"), zip(*returns.pairs, strict=True), strict=False):
+        if any(labels):
+            facts[platform] = ", ".join(dict.fromkeys(labels))
+    for number, labels in enumerate(returns.pairs):
+        part = returns.of_pair(number)
+        there = returns.reported[:, number] if returns.reported is not None else np.ones(returns.length, bool)
+        facts[" to ".join(label for label in labels if label)] = (
+            f"{len(part.delay)} returns in {there.sum()} pings, {part.counts.max()} at most in a ping"
+        )
     if len(returns.delay):
         snr_db = 10 * np.log10(returns.power)
         facts["delays"] = f"{returns.delay.min():g} to {returns.delay.max():g} s"

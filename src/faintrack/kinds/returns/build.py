@@ -1,6 +1,8 @@
 """From the sections of a scenario to what tracks in the returns of a sonar: bins, likelihood, grid, tracker."""
 
+import itertools
 import math
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,12 +13,15 @@ from faintrack.data.returns import PLATFORMS, Returns
 from faintrack.errors import InputError
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import POINTS, separable
+from faintrack.kinds.returns.pairs import SonarPair, heard
 from faintrack.kinds.returns.sections import GridSection, ReturnsScenario, SonarSection
 from faintrack.kinds.several import Tracker, build_several
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
+from faintrack.likelihoods.multistatic import Multistatic
 from faintrack.sensors.active import ActiveSonar, Pulse
 from faintrack.sensors.bistatic import Bistatic, fixed
+from faintrack.signal.multistatic_background import MultistaticBackground
 from faintrack.signal.pings import Binned, in_bins
 from faintrack.signal.resolution import linked_bins, thinned, wider
 from faintrack.signal.returns_background import ReturnsBackground, returns_background
@@ -36,6 +41,9 @@ LONGEST_GAP = 1000
 
 LARGEST_GRID = 20_000_000
 """Cells of a grid at most: each takes some fifty bytes."""
+
+MOST_PARTS = 4
+"""Parts of the patch of a mesh point in which crossings are looked for."""
 
 LARGEST_TABLE = 20_000_000
 """Numbers at most in what is held besides: samples of a ping, pairs of its returns, tables of likelihood and motion."""
@@ -92,6 +100,7 @@ def build_sonar(table: SonarSection) -> ActiveSonar:
     pair = None
     if table.source is not None and table.receiver is not None:
         pair = Bistatic(fixed(*table.source), fixed(*table.receiver), table.sound_speed)
+    assert table.pulse is not None
     return ActiveSonar(
         Pulse(**table.pulse.model_dump()),
         delay,
@@ -109,7 +118,7 @@ def build_likelihood(table: SonarSection, sonar: ActiveSonar) -> ExceedanceLikel
     return ExceedanceLikelihood(sonar, snr, threshold)
 
 
-def build_moving(table: SonarSection, returns: Returns) -> Bistatic | None:
+def build_moving(pair: SonarPair, returns: Returns) -> Bistatic | None:
     """Source and receiver in every ping; None where both stand still.
 
     Raises
@@ -118,16 +127,18 @@ def build_moving(table: SonarSection, returns: Returns) -> Bistatic | None:
     """
     placed, moves = {}, False
     for name, columns in PLATFORMS.items():
-        moving, still = getattr(returns, name), getattr(table, name)
+        moving, still = getattr(returns, name), getattr(pair.table, name)
         if moving is None and still is None:
+            called = getattr(pair, name)
+            field = f"the place of {name} {called!r}" if called else f"sonar.{name}"
             raise InputError(
-                f"sonar.{name} is missing; expected metres east and north, or the columns {', '.join(columns)} "
+                f"{field} is missing; expected metres east and north, or the columns {', '.join(columns)} "
                 "in the returns."
             )
         values = np.broadcast_to([*still, 0.0, 0.0], (returns.length, 4)) if moving is None else moving
         placed[name] = PlanarState(*(jnp.asarray(part, float) for part in values.T))
         moves = moves or moving is not None
-    return Bistatic(**placed, sound_speed=table.sound_speed) if moves else None
+    return Bistatic(**placed, sound_speed=pair.table.sound_speed) if moves else None
 
 
 def sonar_axes(table: SonarSection) -> tuple[Axis, Axis | None]:
@@ -162,58 +173,89 @@ def velocity_noise(scenario: ReturnsScenario) -> float:
     return VELOCITY_SHARE * scenario.grid.speed * math.sqrt(2 / relaxation) if noise is None else noise
 
 
-def chosen(scenario: ReturnsScenario, every: tuple[int, int, int]) -> ReturnsScenario:
+def chosen(scenario: ReturnsScenario, every: tuple[int, int, int] | None) -> ReturnsScenario:
     """Scenario with what was chosen filled in.
 
     Parameters
     ----------
     scenario : as given.
-    every : of `BackgroundSection`.
+    every : of `BackgroundSection`; None where several pairs have their own, which the returns tell again.
     """
     target = scenario.target.model_copy(update={"velocity_noise": velocity_noise(scenario)})
+    every = scenario.background.every if every is None else every
     background = scenario.background.model_copy(update={"every": every})
     return scenario.model_copy(update={"target": target, "background": background})
 
 
-def build_binned(scenario: ReturnsScenario, returns: Returns) -> tuple[Binned, tuple[int, int, int]]:
-    """Returns in the independent bins of a scenario's sonar, and every how many of its bins these are.
+@dataclass(frozen=True)
+class PairReturns:
+    """What one pair of a source and a receiver heard, in bins.
+
+    Attributes
+    ----------
+    pair : the two.
+    binned : returns in independent bins.
+    every : every how many bins of the pair's sonar these are.
+    """
+
+    pair: SonarPair
+    binned: Binned
+    every: tuple[int, int, int]
+
+    @property
+    def threshold(self) -> float:
+        """That returns exceed, over the mean power of the model's noise; linear."""
+        return float(10 ** (self.pair.table.threshold_db / 10))
+
+
+def build_binned(scenario: ReturnsScenario, returns: Returns) -> tuple[PairReturns, ...]:
+    """Returns in the independent bins of a scenario's sonar, of each pair that reports.
 
     Raises
     ------
     InputError : a return that the sonar cannot have heard, see `faintrack.signal.pings.in_bins`; source or receiver are
-        nowhere.
+        nowhere; returns name a pair that the scenario does not.
     """
-    table = scenario.sonar
-    moving = build_moving(table, returns)
-    threshold = 10 ** (table.threshold_db / 10)
-    binned = in_bins(returns, build_sonar(table), threshold, moving)
-    every = scenario.background.every
-    if every is None:
-        every = linked_bins(binned) if scenario.background.learn else (1, 1, 1)
-    return thinned(binned, every, threshold), every
+    every_pair = []
+    for pair, part in heard(scenario, returns):
+        threshold = 10 ** (pair.table.threshold_db / 10)
+        binned = in_bins(part, build_sonar(pair.table), threshold, build_moving(pair, part))
+        every = scenario.background.every
+        if every is None:
+            every = linked_bins(binned) if scenario.background.learn else (1, 1, 1)
+        every_pair.append(PairReturns(pair, thinned(binned, every, threshold), every))
+    return tuple(every_pair)
 
 
-def build_background(scenario: ReturnsScenario, tracker: Tracker, binned: Binned) -> ReturnsBackground | None:
+def build_background(
+    scenario: ReturnsScenario, tracker: Tracker, parts: tuple[PairReturns, ...]
+) -> ReturnsBackground | MultistaticBackground | None:
     """What learns the background, if the scenario asks for it and the tracker tells what to leave out."""
     if not scenario.background.learn or not isinstance(tracker, ManyTargetsTracker):
         return None
-    return returns_background(binned.sonar, 10 ** (scenario.sonar.threshold_db / 10), scenario.background.shape)
+    shape = scenario.background.shape
+    each = tuple(returns_background(part.binned.sonar, part.threshold, shape) for part in parts)
+    return each[0] if len(each) == 1 else MultistaticBackground(each)
 
 
-def build_tracker(scenario: ReturnsScenario, binned: Binned, every: tuple[int, int, int], grid: Grid) -> Tracker:
-    """Tracker of a scenario for the returns of a sonar, in every how many bins of the scenario's.
+def build_tracker(scenario: ReturnsScenario, parts: tuple[PairReturns, ...], grid: Grid, interval: float) -> Tracker:
+    """Tracker of a scenario for the returns of each pair.
 
     Raises
     ------
-    InputError : the pings are not evenly spaced, the samples of a ping are too many, or targets pass the grid between
-        two pings.
+    InputError : the samples of a ping are too many, or targets pass the grid between two pings.
     """
-    sonar_table, grid_table, target_table = scenario.sonar, scenario.grid, scenario.target
-    interval, noise = ping_interval(binned.returns), velocity_noise(scenario)
-    swath, finer = _samples(sonar_table, binned.sonar, every)
-    _require_room(binned, swath, finer)
+    grid_table, target_table = scenario.grid, scenario.target
+    noise = velocity_noise(scenario)
     _require_slow(grid_table, noise, interval)
-    likelihood = Guided(build_likelihood(sonar_table, binned.sonar), grid, swath, finer)
+    guided = []
+    for part in parts:
+        table, sonar = part.pair.table, part.binned.sonar
+        swath, finer = _samples(table, sonar, part.every)
+        _require_room(part.binned, swath, finer)
+        guided.append(Guided(build_likelihood(table, sonar), grid, swath, finer))
+    _require_crossings(guided, parts)
+    likelihood = guided[0] if len(guided) == 1 else Multistatic(guided)
     motion = OrnsteinUhlenbeck(noise, target_table.relaxation)
     low, high = (
         PlanarState(*(jnp.asarray(float(axis.edges[end]), jnp.float32) for _, axis in grid.axes)) for end in (0, -1)
@@ -249,6 +291,20 @@ def _require_room(binned: Binned, widths: tuple[int, int, int], finer: tuple[int
             f"a return bears on another at {offsets:,} offsets; expected a smaller sonar.reach, sonar.swath or "
             "sonar.finer."
         )
+
+
+def _require_crossings(guided: list[Guided], parts: tuple[PairReturns, ...]) -> None:
+    """Refuse returns of two pairs whose crossings no memory holds."""
+    for first, second in itertools.combinations(range(len(parts)), 2):
+        bearings = [2 * each.swath[1] * each.mesh.finer[1] + 1 for each in guided]
+        capacity = [part.binned.capacity for part in parts]
+        crossings = capacity[first] * capacity[second] * MOST_PARTS * max(bearings[first], bearings[second])
+        if crossings > 4 * LARGEST_TABLE:
+            raise InputError(
+                f"{parts[first].pair.name} and {parts[second].pair.name} have up to {capacity[first]} and "
+                f"{capacity[second]} returns in a ping, which may cross at {crossings:,} places; expected fewer: a "
+                "higher threshold_db, or a smaller swath or finer."
+            )
 
 
 def _require_slow(table: GridSection, noise: float, interval: float) -> None:

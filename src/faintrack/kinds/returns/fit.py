@@ -4,13 +4,17 @@ Under the background :math:`e^{-y}` of the excess of a return, as the likelihood
 many returns as are expected. Ranks in tenths and the number of returns show where it is not so.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from faintrack.kinds.returns.build import PairReturns
 from faintrack.sensors.active import Ping
+from faintrack.sensors.multistatic import Pings
 
 RANKS = 10
 """In which the excess of returns is told."""
@@ -45,6 +49,23 @@ def fit_of(
     tenth = jnp.minimum((rank * RANKS).astype(jnp.int32), RANKS - 1)
     ranks = jnp.zeros(RANKS).at[tenth].add(ping.there.astype(float))
     return Fit(ranks, jnp.asarray(expected, float), jnp.asarray(shape, float))
+
+
+def fit_of_scan(scan: Ping | Pings, thresholds: tuple[float, ...], expected: Any = jnp.nan, shape: Any = 0.0) -> Fit:
+    """Fit of a ping; that of several pairs is stacked.
+
+    Parameters
+    ----------
+    scan : as the likelihood reads it.
+    thresholds : of each pair.
+    expected, shape : of the background, of each pair.
+    """
+    if isinstance(scan, Ping):
+        return fit_of(scan, thresholds[0], expected, shape)
+    count = len(scan.pings)
+    expected, shape = (jnp.broadcast_to(jnp.asarray(each, float), (count,)) for each in (expected, shape))
+    fits = [fit_of(ping, thresholds[number], expected[number], shape[number]) for number, ping in enumerate(scan.pings)]
+    return Fit(*(jnp.stack(each) for each in zip(*fits, strict=True)))
 
 
 class FitOfPings:
@@ -111,6 +132,56 @@ class FitOfPings:
             f"background, {side} than fit: existence may be wrong. Expected noise that is normalised alike everywhere, "
             "a higher sonar.threshold_db, or another background.shape."
         )
+
+
+class FitOfPairs:
+    """Fit of all pings without a track, of each pair of a source and a receiver.
+
+    Parameters
+    ----------
+    parts : what each pair heard.
+    learnt : whether the background is learnt.
+    """
+
+    def __init__(self, parts: Sequence[PairReturns], learnt: bool) -> None:
+        self._parts = parts
+        self._fits = [FitOfPings(part.binned.sonar.size, part.threshold, learnt) for part in parts]
+
+    def add(
+        self,
+        fits: Any,
+        numbers: Int[np.ndarray, " ping"],
+        reported: Bool[np.ndarray, "ping pair"],
+        tracked: Bool[np.ndarray, " ping"],
+    ) -> None:
+        """Add some pings.
+
+        Parameters
+        ----------
+        fits : `Fit` of them, of several pairs stacked.
+        numbers : of the pings.
+        reported : whether each pair reported.
+        tracked : whether there is a track.
+        """
+        for number, (part, fit) in enumerate(zip(self._parts, self._fits, strict=True)):
+            mine = fits if len(self._parts) == 1 else jax.tree.map(lambda each, number=number: each[:, number], fits)
+            fit.add(mine, part.binned.returns.counts[numbers], tracked | ~reported[:, number])
+
+    def remarks(self) -> tuple[str, ...]:
+        """What does not fit, by pair; one sentence each."""
+        told = []
+        for part, fit in zip(self._parts, self._fits, strict=True):
+            told += [_of_pair(part, remark) for remark in fit.remarks()]
+        return tuple(told)
+
+
+def about_pairs(parts: Sequence[PairReturns], recognised: bool) -> tuple[str, ...]:
+    """That bins of pairs are not all read; one sentence each."""
+    return tuple(_of_pair(part, remark) for part in parts for remark in about_bins(part.every, recognised))
+
+
+def _of_pair(part: PairReturns, remark: str) -> str:
+    return f"{part.pair.name}: {remark[0].lower()}{remark[1:]}" if part.pair.name else remark
 
 
 def about_bins(every: tuple[int, int, int], recognised: bool) -> tuple[str, ...]:

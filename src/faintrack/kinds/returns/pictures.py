@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from faintrack.kinds.returns.build import expected_returns, sonar_axes
+from faintrack.kinds.returns.pairs import pairs_of_result
+from faintrack.kinds.returns.sections import SonarSection
 from faintrack.results.pictures import GREY, LINE, TRACK, draw_existence, ends
 from faintrack.results.result import Result
 from faintrack.results.track import tracks_of
@@ -78,11 +80,13 @@ def draw_map(axes: Axes, result: Result, number: int) -> None:
         norm=LogNorm(FAINTEST[0], 1),
         interpolation="nearest",
     )
-    for delay, style in zip(_limits(result), ("-", "--"), strict=True):
-        axes.plot(*_ellipse(result, now, delay), style, color="white", linewidth=0.8)
-    for platform, marker in (("source", "^"), ("receiver", "s")):
-        place = KM * float(now[f"{platform}_x"]), KM * float(now[f"{platform}_y"])
-        axes.plot(*place, marker, color="white", markeredgecolor="black", markersize=5, linestyle="none")
+    for pair in pairs_of_result(result):
+        here = now if "pair" not in now.coords else now.sel(pair=pair.name)
+        for delay, style in zip(_limits(pair.table), ("-", "--"), strict=True):
+            axes.plot(*_ellipse(pair.table, here, delay), style, color="white", linewidth=0.8)
+        for platform, marker in (("source", "^"), ("receiver", "s")):
+            place = KM * float(here[f"{platform}_x"]), KM * float(here[f"{platform}_y"])
+            axes.plot(*place, marker, color="white", markeredgecolor="black", markersize=5, linestyle="none")
     for track in tracks_of(data.sel(time=data.time <= time)):
         axes.plot(KM * track.mean["x"], KM * track.mean["y"], color=TRACK, linewidth=1.2)
         if track.label == int(now.label):
@@ -115,7 +119,7 @@ def draw_counts(axes: Axes, result: Result) -> None:
     """Number of returns of every ping, and how many noise alone gives on average."""
     data = result.data
     axes.plot(data.time, data.returns, color=LINE, linewidth=1.0, drawstyle="steps-mid")
-    expected = expected_returns(result.scenario.sonar)
+    expected = sum(expected_returns(pair.table) for pair in pairs_of_result(result))
     axes.axhline(expected, color=GREY, linestyle="--", linewidth=0.8)
     axes.text(
         0.005, 0.87, f"dashed: {expected:.3g} expected of noise alone", transform=axes.transAxes, fontsize=8, color=GREY
@@ -139,15 +143,15 @@ def _legend() -> list[Line2D]:
     ]
 
 
-def _limits(result: Result) -> tuple[float, float]:
-    """Delays at which the sonar begins and ceases to hear; s."""
-    delay, _ = sonar_axes(result.scenario.sonar)
+def _limits(sonar: SonarSection) -> tuple[float, float]:
+    """Delays at which a sonar begins and ceases to hear; s."""
+    delay, _ = sonar_axes(sonar)
     return float(delay.edges[0]), float(delay.edges[-1])
 
 
-def _ellipse(result: Result, now: xr.Dataset, delay: float) -> tuple[np.ndarray, np.ndarray]:
-    """Places in km whose echoes arrive after a delay, during one ping."""
+def _ellipse(sonar: SonarSection, now: xr.Dataset, delay: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places in km whose echoes arrive after a delay, during one ping of one source and one receiver."""
     source, receiver = (fixed(float(now[f"{name}_x"]), float(now[f"{name}_y"])) for name in ("source", "receiver"))
-    pair = Bistatic(source, receiver, result.scenario.sonar.sound_speed)
+    pair = Bistatic(source, receiver, sonar.sound_speed)
     x, y = pair.position(jnp.asarray(delay), jnp.linspace(0, 2 * jnp.pi, 361))
     return KM * np.asarray(x), KM * np.asarray(y)

@@ -29,13 +29,16 @@ from faintrack.kinds.returns.build import (
     chosen,
     ping_interval,
 )
-from faintrack.kinds.returns.fit import Fit, FitOfPings, about_bins, fit_of
+from faintrack.kinds.returns.fit import Fit, FitOfPairs, about_pairs, fit_of_scan
+from faintrack.kinds.returns.pairs import reported_by
 from faintrack.kinds.returns.sections import ReturnsScenario
 from faintrack.kinds.several import Tracker, with_targets
 from faintrack.kinds.snapshots import slots_of, snapshots_of
 from faintrack.results.schema import estimated, of_scans, planar
 from faintrack.sensors.active import Ping
 from faintrack.sensors.bistatic import Bistatic
+from faintrack.sensors.multistatic import Pings
+from faintrack.signal.multistatic_background import MultistaticBackground
 from faintrack.signal.returns_background import ReturnsBackground
 from faintrack.targets.states import PlanarState
 
@@ -49,6 +52,8 @@ MAPS = {"position": ("x", "y"), "velocity": ("vx", "vy")}
 """What is kept of the belief after some pings, and its axes."""
 
 State = tuple[Any, Any, tuple[Array, ...]]
+Heard = Ping | Pings
+"""Pings of one pair of a source and a receiver, or of several."""
 
 
 class ReturnsStep(eqx.Module):
@@ -58,36 +63,37 @@ class ReturnsStep(eqx.Module):
     ----------
     tracker : what takes in a ping.
     background : that is learnt; None where it is the model's.
-    threshold : that returns exceed, over the mean power of the model's noise.
+    threshold : that returns of each pair exceed, over the mean power of the model's noise.
     grid : that carries its belief.
     """
 
     tracker: Tracker
-    background: ReturnsBackground | None
-    threshold: float
+    background: ReturnsBackground | MultistaticBackground | None
+    threshold: tuple[float, ...]
     grid: Grid = eqx.field(static=True)
 
-    def scans(self, block: tuple[Ping, Int[Array, " ping"]]) -> tuple[Ping, Int[Array, " ping"]]:
+    def scans(self, block: tuple[Heard, Int[Array, " ping"]]) -> tuple[Heard, Int[Array, " ping"]]:
         """Some pings, and their places among the snapshots."""
         return block
 
     def advance(
-        self, state: State, scan: tuple[Ping, Int[Array, ""]], key: PRNGKeyArray
+        self, state: State, scan: tuple[Heard, Int[Array, ""]], key: PRNGKeyArray
     ) -> tuple[State, tuple[Any, PlanarState, Fit]]:
         """Memory, tracker and snapshots after a ping; the estimate, the cell of highest probability, the background."""
         memory, following, maps = state
         ping, slot = scan
         if self.background is None:
             following, estimate = self.tracker.step(following, ping, key)
-            fit = fit_of(ping, self.threshold)
+            fit = fit_of_scan(ping, self.threshold)
         else:
-            read = self.background.read(memory, ping)
+            background: Any = self.background
+            read = background.read(memory, ping)
             tracker: Any = self.tracker
             following, estimate = tracker.step(following, read.ping, key)
             hand = following.hand
             of_targets = tracker.likelihood.of_targets(read.ping, hand.beliefs.log_weights, hand.observable_existence)
-            memory = self.background.learn(memory, ping, read, of_targets)
-            fit = fit_of(read.ping, self.threshold, read.expected, read.shape)
+            memory = background.learn(memory, ping, read, of_targets)
+            fit = fit_of_scan(read.ping, self.threshold, read.expected, read.shape)
         belief = following.belief
 
         def keep(maps: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -108,12 +114,12 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
     InputError : returns and scenario do not fit together.
     """
     with naming(returns.origin):
-        (binned, every), grid = build_binned(scenario, returns), build_grid(scenario)
-        tracker = build_tracker(scenario, binned, every, grid)
-        background = build_background(scenario, tracker, binned)
-        interval = ping_interval(returns)
-    threshold = 10 ** (scenario.sonar.threshold_db / 10)
-    fit = FitOfPings(binned.sonar.size, threshold, background is not None)
+        parts, grid, interval = build_binned(scenario, returns), build_grid(scenario), ping_interval(returns)
+        tracker = build_tracker(scenario, parts, grid, interval)
+        background = build_background(scenario, tracker, parts)
+    one = len(parts) == 1
+    reported = reported_by(scenario, returns, parts)
+    fit = FitOfPairs(parts, background is not None)
     since, snapshots = returns.times - returns.times[0], snapshots_of(returns.length)
     counts = {name: axis.count for name, axis in grid.axes}
     maps = tuple(
@@ -125,34 +131,54 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         "start_time": "",
         "first_scan_time": float(returns.times[0]),
         "scan_interval": interval,
-        "capacity": binned.capacity,
+        "capacity": max(part.binned.capacity for part in parts),
     }
 
-    def read(start: int, stop: int) -> tuple[Ping, Int[np.ndarray, " ping"]]:
+    def read(start: int, stop: int) -> tuple[Heard, Int[np.ndarray, " ping"]]:
         numbers = np.arange(start, min(stop, returns.length))
-        pings = binned.pings(numbers)
         # From one interval before the first ping: single precision resolves no second in the times of a clock.
-        pings = eqx.tree_at(lambda pings: pings.time, pings, jnp.asarray(since[numbers] + interval, float))
-        return pings, slots_of(numbers, snapshots)
+        times = jnp.asarray(since[numbers] + interval, float)
+        pings = tuple(eqx.tree_at(lambda pings: pings.time, part.binned.pings(numbers), times) for part in parts)
+        scans = pings[0] if one else Pings(times, pings, jnp.asarray(reported[numbers]))
+        return scans, slots_of(numbers, snapshots)
 
-    def rows(start: int, block: tuple[Ping, Int[np.ndarray, " ping"]], outputs: tuple[Any, ...]) -> xr.Dataset:
-        pings, count = block[0], len(block[1])
+    def rows(start: int, block: tuple[Heard, Int[np.ndarray, " ping"]], outputs: tuple[Any, ...]) -> xr.Dataset:
+        scans, count = block[0], len(block[1])
         numbers = np.arange(start, start + count)
-        places = _places(binned.sonar.geometry(pings), count)
+        pings = scans.pings if isinstance(scans, Pings) else (scans,)
+        places = [_places(part.binned.sonar.geometry(ping), count) for part, ping in zip(parts, pings, strict=True)]
         estimates, modes, fits = outputs
-        fit.add(fits, binned.returns.counts[numbers], np.any(estimates.label.reshape(count, -1) > 0, axis=1))
-        data = _dataset(since[numbers], estimates, modes, returns.counts[numbers], places)
+        fit.add(fits, numbers, reported[numbers], np.any(estimates.label.reshape(count, -1) > 0, axis=1))
+        data = _dataset(since[numbers], estimates, modes, returns.counts[numbers])
+        told: dict[str, tuple[Any, str, str]] = {
+            name: (np.stack([each[name] for each in places], axis=-1), "m", f"{name[-1]} of the {name[:-2]}")
+            for name in places[0]
+        }
         if background is not None:
-            data["background_returns"] = of_scans(fits.expected, "1", "returns of the ping expected without a target")
-            data["tail_shape"] = of_scans(fits.shape, "1", "shape of the tail of the background")
+            expected, shape = (np.reshape(each, (count, -1)) for each in (fits.expected, fits.shape))
+            told["background_returns"] = expected, "1", "returns of the ping expected without a target"
+            told["tail_shape"] = shape, "1", "shape of the tail of the background"
+        for name, (values, unit, long_name) in told.items():
+            if one:
+                data[name] = of_scans(values[:, 0], unit, long_name)
+            else:
+                data[name] = ("time", "pair"), values, {"units": unit, "long_name": long_name}
+        if not one:
+            counts = np.stack([part.binned.returns.counts[numbers] for part in parts], axis=-1)
+            data["returns_of_pair"] = (
+                ("time", "pair"),
+                np.where(reported[numbers], counts, -1),
+                {"units": "1", "long_name": "returns that were read; -1 where the pair did not report"},
+            )
+            data = data.assign_coords(pair=[part.pair.name for part in parts])
         return data.assign_attrs(attributes)
 
     def close(state: State) -> xr.Dataset:
         return _maps(since[snapshots], [np.asarray(held) for held in state[2]], grid)
 
     return Plan(
-        scenario=with_targets(chosen(scenario, every), tracker),
-        step=ReturnsStep(tracker, background, threshold, grid),
+        scenario=with_targets(chosen(scenario, parts[0].every if one else None), tracker),
+        step=ReturnsStep(tracker, background, tuple(part.threshold for part in parts), grid),
         state=(None if background is None else background.init(), begun(tracker, scenario.filter.seed), maps),
         read=read,
         rows=rows,
@@ -161,7 +187,7 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         seed=scenario.filter.seed,
         within=NEAR_CELLS * max(axis.step for name, axis in grid.axes if name in MAPS["position"]),
         limits={"x": scenario.grid.x, "y": scenario.grid.y},
-        checks=about_bins(every, scenario.background.every is None),
+        checks=about_pairs(parts, scenario.background.every is None),
         remarks=fit.remarks,
         misfits=fit.misfits,
         close=close,
@@ -177,22 +203,14 @@ def _places(pair: Bistatic, count: int) -> dict[str, Float[np.ndarray, " ping"]]
     }
 
 
-def _dataset(
-    times: np.ndarray,
-    estimates: Any,
-    modes: PlanarState,
-    counts: np.ndarray,
-    places: dict[str, Float[np.ndarray, " ping"]],
-) -> xr.Dataset:
-    """Estimates of consecutive pings in the schema, with the likeliest cell, number of returns and platforms."""
+def _dataset(times: np.ndarray, estimates: Any, modes: PlanarState, counts: np.ndarray) -> xr.Dataset:
+    """Estimates of consecutive pings in the schema, with the likeliest cell and the number of returns."""
     data = estimated(times, estimates, planar())
     for field in fields(modes):
         data[f"{field.name}_mode"] = of_scans(
             getattr(modes, field.name), data[field.name].attrs["units"], f"most probable {field.name}"
         )
     data["returns"] = of_scans(counts, "1", "returns of the ping")
-    for name, values in places.items():
-        data[name] = of_scans(values, "m", f"{name[-1]} of the {name[:-2]}")
     data.time.attrs["long_name"] = "time from the first ping"
     return data
 

@@ -4,33 +4,49 @@ import numpy as np
 import xarray as xr
 
 from faintrack.kinds.returns.build import expected_returns, sonar_axes
+from faintrack.kinds.returns.pairs import pairs_of_result
+from faintrack.kinds.returns.sections import SonarSection
 from faintrack.results.result import Result
 
 
 def about(result: Result) -> dict[str, str]:
     """Facts by name."""
-    data, sonar = result.data, result.scenario.sonar
+    data, pairs = result.data, pairs_of_result(result)
+    one = len(pairs) == 1
+    facts = {
+        "returns": str(data.attrs["source"]),
+        "pings": f"{data.sizes['time']}, {data.attrs['scan_interval']:g} s apart",
+        "first ping": f"{data.attrs['first_scan_time']:g} s; times are from there",
+        "returns a ping": f"{float(data.returns.mean()):.4g} on average, {int(data.returns.max())} at most; "
+        f"{sum(expected_returns(pair.table) for pair in pairs):.4g} expected of noise alone",
+    }
+    for pair in pairs:
+        part = data if one else data.sel(pair=pair.name)
+        facts |= {
+            f"{pair.name}, {name}" if pair.name else name: fact for name, fact in _of_pair(part, pair.table).items()
+        }
+    facts["grid"] = " and ".join(
+        f"{data.sizes[x]} x {data.sizes[y]} cells of {_cell(data[x])} x {_cell(data[y])}"
+        for x, y in (("axis_x", "axis_y"), ("axis_vx", "axis_vy"))
+    )
+    return facts
+
+
+def _of_pair(data: xr.Dataset, sonar: SonarSection) -> dict[str, str]:
+    """Facts of one source and one receiver."""
     delay, doppler = sonar_axes(sonar)
+    assert sonar.pulse is not None
     sweep = f"sweep of {sonar.pulse.bandwidth:g} Hz" if sonar.pulse.bandwidth else "constant frequency"
     bins = [f"{delay.count} delays from {delay.first:g} to {delay.last:g} s", f"{sonar.beams} beams"]
     bins.append(
         "no Doppler" if doppler is None else f"{doppler.count} shifts from {doppler.first:g} to {doppler.last:g} Hz"
     )
     return {
-        "returns": str(data.attrs["source"]),
-        "pings": f"{data.sizes['time']}, {data.attrs['scan_interval']:g} s apart",
-        "first ping": f"{data.attrs['first_scan_time']:g} s; times are from there",
-        "returns a ping": f"{float(data.returns.mean()):.4g} on average, {int(data.returns.max())} at most; "
-        f"{expected_returns(sonar):.4g} expected of noise alone",
         "background": _background(data),
         "pulse": f"{sonar.pulse.frequency:g} Hz, {sonar.pulse.duration:g} s, {sweep}",
         "bins": ", ".join(bins),
         "threshold": f"{sonar.threshold_db:g} dB, for a target of {sonar.snr_db:g} dB",
         **{name: _place(data, name) for name in ("source", "receiver")},
-        "grid": " and ".join(
-            f"{data.sizes[x]} x {data.sizes[y]} cells of {_cell(data[x])} x {_cell(data[y])}"
-            for x, y in (("axis_x", "axis_y"), ("axis_vx", "axis_vy"))
-        ),
     }
 
 

@@ -1,13 +1,14 @@
 """Sections of a scenario for the returns of an active sonar: its bins and responses, and the grid that is searched."""
 
+import itertools
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from faintrack.kinds.scenario import Scenario
 from faintrack.scenario.moving import PlanarTargets
-from faintrack.scenario.section import Pair, Section
+from faintrack.scenario.section import Pair, Section, problem
 from faintrack.scenario.sections import ManySection, SeedSection, TargetSection
 
 
@@ -53,7 +54,7 @@ class SonarSection(Section):
 
     Attributes
     ----------
-    pulse : what is transmitted.
+    pulse : what is transmitted; of `[[sources]]` each may have its own.
     delay : middles of the first and the last bin; s. What is blanked after the pulse lies before the first.
     delay_bins, delay_step : number of the bins, or from one to the next in s; exactly one of them.
     beams : evenly around the receiver, the first to the east.
@@ -69,7 +70,9 @@ class SonarSection(Section):
     finer : samples a bin.
     """
 
-    pulse: PulseSection = Field(examples=[{"frequency": 2000.0, "duration": 1.0, "bandwidth": 10.0}])
+    pulse: PulseSection | None = Field(
+        default=None, examples=[{"frequency": 2000.0, "duration": 1.0, "bandwidth": 10.0}]
+    )
     delay: Pair = Field(examples=[(3.0, 22.9)])
     delay_bins: Bins | None = None
     delay_step: float | None = Field(default=None, gt=0, examples=[0.1])
@@ -113,6 +116,68 @@ def _require_bins(name: str, ends: Pair | None, bins: int | None, step: float | 
         steps = (last - first) / step
         if abs(steps - round(steps)) > 0.01 or not 1 <= round(steps) < 1_000_000:
             raise ValueError(f"{name}_step is {step:g}: expected to fit a whole number of times, not {steps:.6g}")
+
+
+class BinsSection(Section):
+    """Fields of `[sonar]` that may differ between receivers or sources; in place of those of `[sonar]` where given.
+
+    Attributes
+    ----------
+    delay, delay_bins, delay_step, beams, beam_width_deg, doppler, doppler_bins, doppler_step : as of `[sonar]`.
+    threshold_db, snr_db, reach, swath, finer : as of `[sonar]`.
+    """
+
+    delay: Pair | None = None
+    delay_bins: Bins | None = None
+    delay_step: float | None = Field(default=None, gt=0)
+    beams: int | None = Field(default=None, ge=3, le=7200)
+    beam_width_deg: float | None = Field(default=None, gt=0, le=180)
+    doppler: Pair | None = None
+    doppler_bins: Bins | None = None
+    doppler_step: float | None = Field(default=None, gt=0)
+    threshold_db: float | None = Field(default=None, gt=0, le=60)
+    snr_db: float | None = Field(default=None, ge=-40, le=80)
+    reach: Reach | None = None
+    swath: Reach | None = None
+    finer: Finer | None = None
+
+
+Name = Annotated[str, Field(pattern=r"^\S(.{0,58}\S)?$")]
+"""One to sixty characters, no space at the ends."""
+
+
+class SourceSection(BinsSection):
+    """A source of a multistatic sonar.
+
+    Attributes
+    ----------
+    name : as in the column `source` of the returns.
+    place : where it stands still: metres east and north. The columns of the returns take its place.
+    pulse : what it transmits; where not given, that of `[sonar]`.
+    delay, delay_bins, delay_step, beams, beam_width_deg, doppler, doppler_bins, doppler_step : of what receivers hear
+        of it, in place of those of `[sonar]`.
+    threshold_db, snr_db, reach, swath, finer : likewise.
+    """
+
+    name: Name = Field(examples=["ship"])
+    place: Pair | None = Field(default=None, examples=[(0.0, 0.0)])
+    pulse: PulseSection | None = None
+
+
+class ReceiverSection(BinsSection):
+    """A receiver of a multistatic sonar.
+
+    Attributes
+    ----------
+    name : as in the column `receiver` of the returns.
+    place : where it stands still: metres east and north. The columns of the returns take its place.
+    delay, delay_bins, delay_step, beams, beam_width_deg, doppler, doppler_bins, doppler_step : of what it hears, in
+        place of those of its source and of `[sonar]`.
+    threshold_db, snr_db, reach, swath, finer : likewise.
+    """
+
+    name: Name = Field(examples=["buoy 1"])
+    place: Pair | None = Field(default=None, examples=[(500.0, 1000.0)])
 
 
 Every = Annotated[
@@ -215,6 +280,8 @@ class ReturnsScenario(Scenario):
 
     kind: Literal["returns"] = "returns"
     sonar: SonarSection
+    sources: Annotated[tuple[SourceSection, ...], Field(strict=False, min_length=1, max_length=16)] | None = None
+    receivers: Annotated[tuple[ReceiverSection, ...], Field(strict=False, min_length=1, max_length=16)] | None = None
     background: BackgroundSection = BackgroundSection()
     grid: GridSection
     target: ShipSection = ShipSection()
@@ -234,11 +301,79 @@ class ReturnsScenario(Scenario):
         return values
 
     @model_validator(mode="after")
+    def _several_fit(self) -> "ReturnsScenario":
+        for platform in ("source", "receiver"):
+            listed = getattr(self, f"{platform}s")
+            if listed is None:
+                continue
+            if getattr(self.sonar, platform) is not None:
+                raise ValueError(
+                    f"there are sonar.{platform} and [[{platform}s]]: expected one of them, with the place in each of "
+                    f"[[{platform}s]]"
+                )
+            names = [each.name for each in listed]
+            for number, name in enumerate(names):
+                if name in names[:number]:
+                    raise ValueError(
+                        f"{platform}s[{number}].name is {name!r}, as that of {platform}s[{names.index(name)}]: "
+                        "expected names that differ"
+                    )
+        if self.sonar.pulse is None and any(each.pulse is None for each in self.sources or (self.sonar,)):
+            also = ", or a pulse in each of [[sources]]" if self.sources else ""
+            raise ValueError(f"sonar.pulse is missing: expected what is transmitted{also}")
+        for source in range(len(self.sources or (None,))):
+            for receiver in range(len(self.receivers or (None,))):
+                self.of_pair(source, receiver)
+        return self
+
+    def of_pair(self, source: int, receiver: int) -> SonarSection:
+        """Sonar of one source and one receiver, by their numbers: `[sonar]` with what they have of their own.
+
+        Raises
+        ------
+        ValueError : their bins do not fit together.
+        """
+        fields = self.sonar.model_dump(exclude_none=True)
+        where = []
+        for platform, number in (("source", source), ("receiver", receiver)):
+            listed = getattr(self, f"{platform}s")
+            if listed is None:
+                continue
+            where.append(f"{platform}s[{number}]")
+            own = listed[number].model_dump(exclude_none=True, exclude={"name"})
+            for axis in ("delay", "doppler"):
+                # Of number and step of the bins one is given: that of the own takes the place of either.
+                if any(f"{axis}_{name}" in own for name in ("bins", "step")):
+                    fields = {name: value for name, value in fields.items() if not name.startswith(f"{axis}_")}
+            if "place" in own:
+                own[platform] = own.pop("place")
+            fields |= own
+        try:
+            return SonarSection.model_validate(fields)
+        except ValidationError as error:
+            raise ValueError(f"{' and '.join(where) or 'sonar'}: {problem(error).removesuffix('.')}") from error
+
+    @property
+    def pairs(self) -> dict[tuple[str, str], SonarSection]:
+        """Sonar of every source and receiver, by their names; of one without a name the name is empty."""
+        sources, receivers = ([each.name for each in listed or ()] or [""] for listed in (self.sources, self.receivers))
+        return {
+            (source, receiver): self.of_pair(*place)
+            for place, (source, receiver) in zip(
+                itertools.product(range(len(sources)), range(len(receivers))),
+                itertools.product(sources, receivers),
+                strict=True,
+            )
+        }
+
+    @model_validator(mode="after")
     def _background_fits(self) -> "ReturnsScenario":
         every = self.background.every
-        if every is not None and (self.sonar.beams % every[1] or self.sonar.beams < 3 * every[1]):
+        beams = {table.beams for table in self.pairs.values()}
+        wrong = [count for count in sorted(beams) if every is not None and (count % every[1] or count < 3 * every[1])]
+        if every is not None and wrong:
             raise ValueError(
-                f"background.every has {every[1]} for the bearing: expected a divisor of the {self.sonar.beams} beams "
+                f"background.every has {every[1]} for the bearing: expected a divisor of the {wrong[0]} beams "
                 "that leaves 3 beams at least"
             )
         if self.background.shape is not None and self.tracker.targets == 1:

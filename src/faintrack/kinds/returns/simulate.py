@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from faintrack.data.returns import Returns
+from faintrack.data.returns import Returns, together
 from faintrack.errors import InputError
 from faintrack.kinds.planar import Targets, known, states_of
 from faintrack.kinds.returns.build import build_likelihood, build_sonar
+from faintrack.kinds.returns.pairs import pairs_of
 from faintrack.kinds.returns.sections import ReturnsScenario, SimulationSection
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.results.truth import Known
@@ -49,20 +50,27 @@ def _simulation(scenario: ReturnsScenario) -> SimulationSection:
 
 
 def _drawn(scenario: ReturnsScenario, targets: Targets, seed: int) -> Returns:
-    section = _simulation(scenario)
-    for name in ("source", "receiver"):
-        if getattr(scenario.sonar, name) is None:
-            raise InputError(f"sonar.{name} is missing; expected metres east and north, where it stands, to simulate.")
-    sonar = build_sonar(scenario.sonar)
-    likelihood = build_likelihood(scenario.sonar, sonar)
+    section, pairs = _simulation(scenario), pairs_of(scenario)
+    for pair in pairs:
+        for name in ("source", "receiver"):
+            if getattr(pair.table, name) is None:
+                called = getattr(pair, name)
+                field = f"the place of {name} {called!r}" if called else f"sonar.{name}"
+                raise InputError(f"{field} is missing; expected metres east and north, where it stands, to simulate.")
     times = section.interval * np.arange(section.pings)
     states, there = states_of(targets, times)
     key = jax.random.key(seed)
-    capacity, lost = capacity_for(likelihood, len(targets)), jnp.array(True)
-    while lost.any():
-        pings, lost = _pings(likelihood, capacity, key, jnp.asarray(times, float), states, jnp.asarray(there))
-        capacity *= 2
-    return replace(from_pings(pings, sonar, "simulation"), times=times)
+    keys = [key] if len(pairs) == 1 else [jax.random.fold_in(key, number) for number in range(len(pairs))]
+    drawn = []
+    for pair, mine in zip(pairs, keys, strict=True):
+        sonar = build_sonar(pair.table)
+        likelihood = build_likelihood(pair.table, sonar)
+        capacity, lost = capacity_for(likelihood, len(targets)), jnp.array(True)
+        while lost.any():
+            pings, lost = _pings(likelihood, capacity, mine, jnp.asarray(times, float), states, jnp.asarray(there))
+            capacity *= 2
+        drawn.append(replace(from_pings(pings, sonar, "simulation"), times=times))
+    return together({(pair.source, pair.receiver): each for pair, each in zip(pairs, drawn, strict=True)})
 
 
 @eqx.filter_jit
