@@ -168,11 +168,14 @@ class FitOfPairs:
             fit.add(mine, part.binned.returns.counts[numbers], tracked | ~reported[:, number])
 
     def remarks(self) -> tuple[str, ...]:
-        """What does not fit, by pair; one sentence each."""
-        told = []
-        for part, fit in zip(self._parts, self._fits, strict=True):
-            told += [_of_pair(part, remark) for remark in fit.remarks()]
-        return tuple(told)
+        """What was learnt, by pair; one sentence each."""
+        pairs = zip(self._parts, self._fits, strict=True)
+        return tuple(_of_pair(part, remark) for part, fit in pairs for remark in fit.remarks())
+
+    def misfits(self) -> tuple[str, ...]:
+        """Why existence may be wrong, by pair; one sentence each."""
+        pairs = zip(self._parts, self._fits, strict=True)
+        return tuple(_of_pair(part, misfit) for part, fit in pairs for misfit in fit.misfits())
 
 
 def about_pairs(parts: Sequence[PairReturns], recognised: bool) -> tuple[str, ...]:
