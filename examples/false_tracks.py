@@ -81,7 +81,7 @@ def counted(share: float, tracker: dict[str, Any]) -> tuple[int, int, dict[str, 
         recording = ft.from_samples(noise(share, HOURS, run), RATE)
         result = ft.track(recording, SCENARIO, tracker=tracker, pictures=False)
         tracks += len(result.tracks)
-        remarks += any("Existence rose" in remark for remark in result.remarks)
+        remarks += any("Existence rose" in misfit for misfit in result.misfits)
         promise = {**result.summary()["false_tracks"], "declare": result.scenario.tracker.declare}
     return tracks, remarks, promise
 

@@ -73,4 +73,4 @@ figure.colorbar(mesh, ax=axes, label="beam power over\nsum of channel powers (dB
 wrong = samples.copy()
 wrong[:, 5] *= -1
 reversed_one = ft.track(ft.from_samples(wrong, sample_rate=1000.0), array=array, analysis=band)
-print(*reversed_one.remarks, sep="\n")
+print(*reversed_one.misfits, sep="\n")

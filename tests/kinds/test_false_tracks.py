@@ -52,7 +52,7 @@ def test_counted_tracks_are_as_many_as_promised() -> None:
     np.testing.assert_allclose(modelled.scenario.tracker.declare, 1 / (1 + (1 / 60) / (0.55**2 / 0.2)))
     np.testing.assert_allclose(modelled.summary()["false_tracks"]["expected"], 100)
     assert len(modelled.tracks) < 100
-    assert not any("Existence rose" in remark for remark in modelled.remarks)
+    assert not any("Existence rose" in misfit for misfit in modelled.misfits)
 
 
 def test_noise_that_is_not_the_models_is_named() -> None:

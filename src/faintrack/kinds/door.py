@@ -17,7 +17,7 @@ from faintrack.errors import InputError
 from faintrack.kinds import kind_named, kinds
 from faintrack.kinds.kind import Kind, Plan
 from faintrack.kinds.loop import Checkpoint, advance, datasets
-from faintrack.kinds.promise import about_false_tracks, keeping
+from faintrack.kinds.promise import about_false_tracks, about_rises, keeping
 from faintrack.kinds.scenario import Scenario, kind_of_sections, merged, scenario_of
 from faintrack.numerics.compiled import keep_compilations
 from faintrack.results.folder import open_blocks, read_folder, require_place, result_folder, write_blocks, write_rest
@@ -152,12 +152,16 @@ def track(
         held = [block if pictures else block.drop_vars(PICTURES, errors="ignore") for block in blocks]
         found = joined(held)
         seconds = clock.perf_counter() - start
-        return Result(found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found), plan.misfits())
+        return Result(
+            found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found), _misfits(kind, plan, found)
+        )
     with result_folder(out) as folder:
         write_blocks(folder, blocks)
         seconds = clock.perf_counter() - start
         found = open_blocks(folder)
-        result = Result(found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found), plan.misfits())
+        result = Result(
+            found, plan.scenario, kind, seconds, _remarks(kind, data, plan, found), _misfits(kind, plan, found)
+        )
         write_rest(folder, result)
     return _reported(read_result(out), Path(out) / "report.html")
 
@@ -451,6 +455,11 @@ def _remarks(kind: Kind, data: Any, plan: Plan, found: xr.Dataset) -> tuple[str,
     return tuple(
         dict.fromkeys((*getattr(data, "remarks", ()), *plan.checks, *plan.remarks(), *_no_room(found), *promised))
     )
+
+
+def _misfits(kind: Kind, plan: Plan, found: xr.Dataset) -> tuple[str, ...]:
+    """Where data are not as the model has them; each sentence once."""
+    return tuple(dict.fromkeys((*plan.misfits(), *about_rises(kind, plan.scenario, found))))
 
 
 def _no_room(found: xr.Dataset) -> tuple[str, ...]:

@@ -78,18 +78,17 @@ def keeping(kind: Kind, scenario: Any, false_tracks: str | None = None) -> Any:
 
 
 def about_false_tracks(kind: Kind, scenario: Any, found: xr.Dataset) -> tuple[str, ...]:
-    """How many false tracks are expected in a result, and whether the model that says so fits; one sentence each."""
+    """How many false tracks are expected in a result; one sentence at most."""
+    promise = promise_of(scenario, kind.gained(scenario), covered_seconds(found))
+    return () if promise is None else (promise.sentence(),)
+
+
+def about_rises(kind: Kind, scenario: Any, found: xr.Dataset) -> tuple[str, ...]:
+    """Of existence that rises and falls more often than the model has it, where a promise rests on that."""
     gained = kind.gained(scenario)
     promise = promise_of(scenario, gained, covered_seconds(found))
-    if promise is None:
+    if promise is None or promise.by != "model" or gained is None:
         return ()
-    if promise.by != "model" or gained is None:
-        return (promise.sentence(),)
-    return (promise.sentence(), *_misfit(found, gained))
-
-
-def _misfit(found: xr.Dataset, gained: float) -> tuple[str, ...]:
-    """Of existence that rises and falls more often than the model has it."""
     seconds = covered_seconds(found)
     odds = 2 * gained * seconds / RISES
     # The last slot is that of the target that is sought, or the only one.
