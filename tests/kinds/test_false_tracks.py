@@ -58,8 +58,8 @@ def test_counted_tracks_are_as_many_as_promised() -> None:
 def test_noise_that_is_not_the_models_is_named() -> None:
     """Noise of twice the power: existence rises and falls far more often than the model has it."""
     louder = ft.from_frames(2 * profiles(2000, 2).read(0, 2000))
-    remarks = ft.track(louder, PROFILES, false_tracks="60/h", pictures=False).remarks
-    assert any("with the model's background does so at most 6 times" in remark for remark in remarks)
+    misfits = ft.track(louder, PROFILES, false_tracks="60/h", pictures=False).misfits
+    assert any("with the model's background does so at most 6 times" in misfit for misfit in misfits)
 
 
 def test_thresholds_rise_as_rates_fall() -> None:
