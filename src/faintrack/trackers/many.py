@@ -194,13 +194,10 @@ class ManyTargetsTracker(eqx.Module):
         """State before the first scan."""
         sought = self.filter.init(key)
         inside = jnp.ones(sought.log_weights.shape, bool)
-        one = jax.eval_shape(self.filter.taken, sought, inside, key)
+        # Hidden from XLA, which would work out sums over all cells of a constant while it compiles.
+        one = self.filter.taken(jax.lax.optimization_barrier(sought), inside, key)
         beliefs = jax.tree.map(lambda leaf: jnp.zeros((self.targets, *leaf.shape), leaf.dtype), one)
-        beliefs = eqx.tree_at(
-            lambda belief: belief.states,
-            beliefs,
-            _repeated(self.filter.taken(sought, inside, key).states, self.targets),
-        )
+        beliefs = eqx.tree_at(lambda belief: belief.states, beliefs, _repeated(one.states, self.targets))
         label = jnp.zeros(self.targets, jnp.int32)
         hand = Hand(beliefs, jnp.zeros_like(beliefs.log_odds), label)
         return Seeking(sought, hand, jnp.array(0), jnp.array(0))
