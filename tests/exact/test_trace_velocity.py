@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from faintrack.kinds.recording.trace import traced
+from faintrack.kinds.recording.trace import with_trace_velocity
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 from faintrack.sensors.beams import BeamGrid
 from faintrack.signal.beamformer import beamformer
@@ -102,7 +102,9 @@ def test_trace_velocities_of_a_belief() -> None:
     covariance[:, 0, 3] = covariance[:, 3, 0] = 0.05 * deviation
     none = jnp.zeros(2)
     state = WaveState(none, none, none, jnp.asarray(mean))
-    found = traced(Estimate(none, none, jnp.zeros(2, int), none, state, jnp.asarray(covariance), none), 340.0)
+    found = with_trace_velocity(
+        Estimate(none, none, jnp.zeros(2, int), none, state, jnp.asarray(covariance), none), 340.0
+    )
     draws = np.random.default_rng(0).normal(size=(2, 500_000, 2))
     draws = np.concatenate([draws, -draws], axis=1)
     elevation = mean[:, None] + deviation[:, None] * draws[..., 0]

@@ -195,7 +195,7 @@ def about(result: Result) -> dict[str, str]:
 def draw(result: Result) -> Figure:
     figure = Figure(layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    draw_existence(above, result.data, result.scenario.tracker.declare, result.scenario.tracker.drop)
+    draw_existence(above, result)
     draw_component(below, result.data, "cell")
     return figure
 

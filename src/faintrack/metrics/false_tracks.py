@@ -230,7 +230,7 @@ class Exceedances:
         return level
 
 
-def exceedances(runs: Iterable[Float[np.ndarray, " scan"]], seconds: float, low: float) -> Exceedances:
+def exceedances(runs: Iterable[Float[np.ndarray, "_"]], seconds: float, low: float) -> Exceedances:
     """Peaks of existence in several runs.
 
     Parameters
