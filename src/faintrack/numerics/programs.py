@@ -95,14 +95,8 @@ def kept(function: Callable[..., Any], *arguments: Any) -> Program:
 
 @functools.cache
 def _compiled(function: Callable[..., Any]) -> Program:
-    options: dict[str, Any] = {"compiler_options": _options()}
-    program: Program = eqx.filter_jit(function, **options)
+    program: Program = eqx.filter_jit(function)
     return program
-
-
-def _options() -> dict[str, Any] | None:
-    """How XLA compiles: on a CPU, in two thirds of the time that its newer generator of kernels takes."""
-    return {"xla_cpu_use_fusion_emitters": False} if jax.default_backend() == "cpu" else None
 
 
 def fingerprint(function: Callable[..., Any], arguments: Any) -> str:
@@ -197,7 +191,7 @@ def _surroundings() -> str:
     except OSError:
         processor = platform.processor()
     config = [(key, jax.config.values.get(f"jax_{key}")) for key in ("default_matmul_precision", "enable_x64")]
-    config += [("flags", os.environ.get("XLA_FLAGS")), ("options", _options())]
+    config.append(("flags", os.environ.get("XLA_FLAGS")))
     devices = [(device.platform, device.device_kind) for device in jax.local_devices()]
     versions = (sys.version, jax.__version__, jaxlib.__version__, eqx.__version__, np.__version__)
     return repr((source.hexdigest(), versions, config, devices, platform.machine(), processor))
@@ -259,7 +253,7 @@ def _made(path: Path, function: Callable[..., Any], arguments: Any) -> Program:
 
     lowered = jax.jit(in_a_row).lower(*leaves)
     with _anew():
-        executable = lowered.compile(_options())
+        executable = lowered.compile()
     (shape,) = shapes
     try:
         payload, taken, given = serialize_executable.serialize(executable)
