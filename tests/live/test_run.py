@@ -71,6 +71,19 @@ def test_a_promise_is_kept_live_too(folder: Path) -> None:
     assert declare == pytest.approx(0.7826, abs=1e-4)
 
 
+def test_what_does_not_fit_is_told_while_it_runs(folder: Path) -> None:
+    """With the third of four channels reversed: after each part, as its result has it."""
+    reversed_one = samples() * np.array([1, 1, -1, 1], np.float32)
+    soundfile.write(folder / "reversed.wav", reversed_one, int(RATE), subtype="FLOAT")
+    events: list[dict] = []
+    command = ["replay", str(folder / "reversed.wav")]
+    run(command, scenario(), out=folder / "watch", speed=np.inf, tell=events.append, part=5.0)
+    misfits = [event["text"] for event in events if event["event"] == "misfit"]
+    assert all(misfit.startswith("Channel 2 seems to have its poles reversed") for misfit in misfits)
+    parts = sorted(path for path in (folder / "watch").iterdir() if path.is_dir() and path.name != "state")
+    assert ft.read_result(parts[-1]).misfits == (misfits[-1],)
+
+
 def test_a_watch_that_stops_goes_on_with_the_same_bits(folder: Path) -> None:
     """Stopped after twelve scans and started again: the parts are whole results, and together the run of the file."""
     stop, out, seen = threading.Event(), folder / "watch", []

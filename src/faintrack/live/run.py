@@ -115,6 +115,9 @@ def run(
             for moment in moments:
                 if keeping is not None:
                     keeping.part(watch.plan, moments, moment, watch.remarks)
+                    _tell_misfits(watch, told)
+            if keeping is None and watch.status.scans:
+                _tell_misfits(watch, told)
         finally:
             if keeping is not None and watch.status.scans:
                 _save(keeping, watch, bell)
@@ -127,6 +130,12 @@ def run(
 
 def _frame_of(since: Since | None) -> float | None:
     return None if since is None else float(since.facts["frame"])
+
+
+def _tell_misfits(watch: Watch, told: Tell) -> None:
+    """Tell where the data so far are not as the model has them."""
+    for misfit in watch.plan.misfits():
+        told({"event": "misfit", "text": misfit})
 
 
 def _save(keeping: Keeping, watch: Watch, bell: AlarmBell) -> None:
