@@ -54,6 +54,7 @@ function connect() {
     const event = JSON.parse(message.data);
     if (event.event === "greeting") greet(event);
     else if (event.event === "alarm") alarm(event);
+    else if (event.event === "misfit") misfit(event);
   };
   socket.onclose = () => {
     find("link").textContent = `no connection; again in ${Math.round(wait / 1000)} s`;
@@ -71,14 +72,23 @@ function greet(event) {
   dirty = true;
 }
 
-const alarmed = new Set();
 function alarm(event) {
-  const key = `${event.name}/${event.label}`;
-  if (alarmed.has(key)) return;
-  alarmed.add(key);
-  const said = document.createElement("p");
   const where = event.bearing_deg === undefined ? "" : `, ${number(event.bearing_deg, 1)}°`;
-  said.textContent = `${clock(event.time, greeting)}  ${event.name}: track ${event.label}${where}`;
+  notice(`${event.name}/${event.label}`,
+    `${clock(event.time, greeting)}  ${event.name}: track ${event.label}${where}`);
+}
+
+function misfit(event) {
+  // Of one kind of sentence the numbers change from hour to hour.
+  notice(`misfit/${event.text.split(":")[0]}`, `Existence is unsure. ${event.text}`);
+}
+
+const noticed = new Set();
+function notice(key, text) {
+  if (noticed.has(key)) return;
+  noticed.add(key);
+  const said = document.createElement("p");
+  said.textContent = text;
   const dismiss = document.createElement("button");
   dismiss.textContent = "Seen";
   dismiss.onclick = () => said.remove();
