@@ -34,8 +34,8 @@ class Sweep(eqx.Module):
     Attributes
     ----------
     rows : when and whence they looked.
-    values : intensity over the deviation of a cell; shape (*sweep, row, sample).
-    time : of the middle of the sweep, shape (*sweep,); seconds from the first.
+    values : intensity over the deviation of a cell; shape (..., row, sample).
+    time : of the middle of the sweep; seconds from the first.
     """
 
     rows: Rows
