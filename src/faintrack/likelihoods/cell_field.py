@@ -18,7 +18,7 @@ known, the mean of exp(log ratio) is 1.
 import dataclasses
 import functools
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -96,28 +96,29 @@ def spread_out(
 
 def reached(
     places: Cells, shares: Float[Array, "..."], reach: int, oversample: int, states: Any
-) -> Iterator[tuple[tuple[Int[Array, "*points"], ...], Float[Array, "*points"], Bool[Array, "*points"]]]:
-    """Cells that targets reach, one after the other from each state.
+) -> tuple[tuple[Int[Array, "cell *points"], ...], Float[Array, "cell *points"], Bool[Array, "cell *points"]]:
+    """Cells that targets reach, from each state as many.
 
     Parameters
     ----------
     places, shares, reach, oversample : of the likelihood.
     states : of targets.
 
-    Yields
-    ------
-    Index of a cell, kept within the sensor; the share of the level that arrives there; whether the sensor has that cell
-    and the state lies at one of the places.
+    Returns
+    -------
+    Index of each cell, kept within the sensor; the share of the level that arrives there; whether the sensor has that
+    cell and the state lies at one of the places.
     """
-    place, inside = places.nearest(states)
-    position = tuple(each % oversample for each in place)
+    nearest, near = places.nearest(states)
+    *place, inside = jnp.broadcast_arrays(*nearest, near)
     counts = [count // oversample - 2 * reach for count in places.shape]
-    for start in itertools.product(range(2 * reach + 1), repeat=len(counts)):
-        # Cells from -reach are counted from 0 in `places`, those around a place from -reach in `shares`.
-        cell = [each // oversample + first - 2 * reach for each, first in zip(place, start, strict=True)]
-        within = [(each >= 0) & (each < count) for each, count in zip(cell, counts, strict=True)]
-        kept = tuple(jnp.clip(each, 0, count - 1) for each, count in zip(cell, counts, strict=True))
-        yield kept, shares[position + start], functools.reduce(jnp.logical_and, within, inside)
+    starts = np.indices((2 * reach + 1,) * len(counts)).reshape(len(counts), -1, *(1,) * inside.ndim)
+    # Cells from -reach are counted from 0 in `places`, those around a place from -reach in `shares`.
+    cell = [each // oversample + first - 2 * reach for each, first in zip(place, starts, strict=True)]
+    within = [(each >= 0) & (each < count) for each, count in zip(cell, counts, strict=True)]
+    kept = tuple(jnp.clip(each, 0, count - 1) for each, count in zip(cell, counts, strict=True))
+    share = shares[(*(each % oversample for each in place), *starts)]
+    return kept, share, functools.reduce(jnp.logical_and, within, inside)
 
 
 def added_by_few(
@@ -136,12 +137,11 @@ def added_by_few(
     nothing = jnp.zeros(cells, log_weights.dtype)
 
     def one(states: Any, log_weights: Array, existence: Array, level: Array, square: Array) -> tuple[Array, Array]:
-        mean, squared, weights = nothing, nothing, jnp.exp(log_weights)
-        for cell, share, inside in reached(places, jnp.asarray(shares, weights.dtype), reach, oversample, states):
-            part = jnp.where(inside, weights * share, 0)
-            mean, squared = mean.at[cell].add(part), squared.at[cell].add(part * share)
-        mean = existence * level * mean
-        return mean, jnp.maximum(existence * square * squared - mean**2, 0)
+        weights = jnp.exp(log_weights)
+        cell, share, inside = reached(places, jnp.asarray(shares, weights.dtype), reach, oversample, states)
+        part = jnp.where(inside, weights * share, 0)
+        mean = existence * level * nothing.at[cell].add(part)
+        return mean, jnp.maximum(existence * square * nothing.at[cell].add(part * share) - mean**2, 0)
 
     def each(carried: tuple[Array, Array], target: tuple[Any, ...]) -> tuple[tuple[Array, Array], None]:
         def more() -> tuple[Array, Array]:

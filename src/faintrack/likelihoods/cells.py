@@ -373,20 +373,18 @@ class CellLikelihood(eqx.Module):
 
     def around(self, scan: CellScan, states: Any) -> Float[Array, "*points"]:
         """As `log_ratio`, from the cells around each state."""
-        dtype, shares = scan.values.dtype, jnp.asarray(self.shares, scan.values.dtype)
-        level = jnp.asarray(self.level, dtype)
-        total = jnp.zeros((), dtype)
-        for cell, share, inside in reached(self.places, shares, self.reach, self.oversample, states):
-            value = scan.values[cell]
-            heard = inside & ~jnp.isnan(value)
-            here = level[cell] if level.ndim else level
-            if scan.gain is not None:
-                here = here * scan.gain[cell]
-            told = self.amplitude(jnp.where(heard, value, 0), here * share)
-            if scan.independent is not None:
-                told = scan.independent[cell] * told
-            total = total + jnp.where(heard, told, 0)
-        return total
+        dtype = scan.values.dtype
+        shares = jnp.asarray(self.shares, dtype)
+        cell, share, inside = reached(self.places, shares, self.reach, self.oversample, states)
+        values, level = scan.values[cell], jnp.asarray(self.level, dtype)
+        heard = inside & ~jnp.isnan(values)
+        level = level[cell] if level.ndim else level
+        if scan.gain is not None:
+            level = level * scan.gain[cell]
+        told = self.amplitude(jnp.where(heard, values, 0), level * share)
+        if scan.independent is not None:
+            told = scan.independent[cell] * told
+        return jnp.sum(jnp.where(heard, told, 0), axis=0)
 
     def beside(
         self,

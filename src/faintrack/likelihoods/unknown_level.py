@@ -7,6 +7,7 @@ the level out of the state, which saves a dimension; the price is what a level t
 log K a scan. Where the level changes slowly and frames are many, make it a component of the state instead.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -55,6 +56,11 @@ class UnknownLevel(eqx.Module):
         """Log ratio at every one of the places of the parts: the module's equation."""
         return jax.nn.logsumexp(jnp.stack([part.table(scan) for part in self.parts]), axis=0) - jnp.log(len(self.parts))
 
+    def around(self, scan: CellScan, states: Any) -> Float[Array, "level *points"]:
+        """Log ratio of each level, from the cells around each state."""
+        levels = jnp.stack([jnp.asarray(part.level, scan.values.dtype) for part in self.parts])
+        return jax.vmap(lambda level: dataclasses.replace(self.parts[0], level=level).around(scan, states))(levels)
+
     def beside(
         self,
         scan: CellScan,
@@ -80,11 +86,12 @@ class UnknownLevel(eqx.Module):
 
             def evidence() -> Float[Array, " level"]:
                 if few:
-                    ratios = [part.around(scan, states) for part in self.parts]
+                    ratios = self.around(scan, states)
                 else:
                     place, inside = self.parts[0].places.nearest(states)
-                    ratios = [jnp.where(inside, table[place], 0) for table in tables]
-                return jax.nn.softmax(jnp.stack([jax.nn.logsumexp(log_weights + ratio) for ratio in ratios]))
+                    ratios = jnp.stack([jnp.where(inside, table[place], 0) for table in tables])
+                axes = tuple(range(1, ratios.ndim))
+                return jax.nn.softmax(jax.nn.logsumexp(log_weights + ratios, axis=axes))
 
             return jax.lax.cond(existence > 0, evidence, lambda: jnp.full_like(levels, 1 / len(levels)))
 
@@ -99,8 +106,7 @@ class UnknownLevel(eqx.Module):
     def log_ratio(self, scan: CellScan, states: Any) -> Float[Array, "*points"]:
         """Natural log of p(scan | target at state) / p(scan | no target); 0 for a state that reaches no cell."""
         if self.parts[0].few(states):
-            ratios = jnp.stack([part.around(scan, states) for part in self.parts])
-            return jax.nn.logsumexp(ratios, axis=0) - jnp.log(len(self.parts))
+            return jax.nn.logsumexp(self.around(scan, states), axis=0) - jnp.log(len(self.parts))
         place, inside = self.parts[0].places.nearest(states)
         return jnp.where(inside, jax.lax.optimization_barrier(self.table(scan))[place], 0)
 
