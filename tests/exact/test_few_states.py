@@ -53,8 +53,7 @@ def test_what_few_points_add_is_what_all_places_would(oversample: int) -> None:
     weights = jnp.full((3, STATES // 3), -np.log(STATES / 3))
     beliefs = (targets, weights, jnp.array([1.0, 0.0, 0.7]), jnp.array([2.0, 3.0, 5.0]), jnp.array([5.0, 9.0, 26.0]))
     given = (one.places, one.shares, one.reach, oversample)
-    for found, expected in zip(
-        cell_field.added_by_few(*given, *beliefs), cell_field.added(*given, *beliefs), strict=True
-    ):
+    by_points, by_places = (cell_field.added(*given, *beliefs, few) for few in (True, False))
+    for found, expected in zip(by_points, by_places, strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-5)
         assert float(jnp.abs(expected).max()) > 0.1

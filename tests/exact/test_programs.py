@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import pytest
 
@@ -56,6 +57,16 @@ def test_arrays_that_are_constants_count() -> None:
         return name(partial(transport.carry))
 
     assert kernels(0.1) == kernels(0.1) != kernels(0.2)
+
+
+def test_precision_counts_also_where_it_changes_within_a_process() -> None:
+    held = likelihood()
+    first = name(held)
+    with jax.enable_x64(True):
+        assert name(held) != first
+    with jax.default_matmul_precision("highest"):
+        assert name(held) != first
+    assert name(held) == first
 
 
 def test_what_is_not_known_by_name_is_not_kept() -> None:

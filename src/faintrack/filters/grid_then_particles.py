@@ -1,8 +1,7 @@
 """A target is sought on a grid and, once found, followed by particles.
 
 On a grid nothing is missed, wherever a target appears; it costs all of its cells for every scan. A target that has been
-found is in few of them: particles follow it between the cells at a thousandth of the cost, so that many can be followed
-at once.
+found is in few of them: particles follow it, between the cells too, and at a fraction of the cost.
 """
 
 import dataclasses

@@ -121,39 +121,6 @@ def reached(
     return kept, share, functools.reduce(jnp.logical_and, within, inside)
 
 
-def added_by_few(
-    places: Cells,
-    shares: Float[np.ndarray, "..."],
-    reach: int,
-    oversample: int,
-    states: Any,
-    log_weights: Float[Array, "target *points"],
-    existence: Float[Array, " target"],
-    level: Float[Array, " target"],
-    square: Float[Array, " target"],
-) -> tuple[Values, Values]:
-    """As `added`, point by point: of particles."""
-    cells = tuple(count // oversample - 2 * reach for count in places.shape)
-    nothing = jnp.zeros(cells, log_weights.dtype)
-
-    def one(states: Any, log_weights: Array, existence: Array, level: Array, square: Array) -> tuple[Array, Array]:
-        weights = jnp.exp(log_weights)
-        cell, share, inside = reached(places, jnp.asarray(shares, weights.dtype), reach, oversample, states)
-        part = jnp.where(inside, weights * share, 0)
-        mean = existence * level * nothing.at[cell].add(part)
-        return mean, jnp.maximum(existence * square * nothing.at[cell].add(part * share) - mean**2, 0)
-
-    def each(carried: tuple[Array, Array], target: tuple[Any, ...]) -> tuple[tuple[Array, Array], None]:
-        def more() -> tuple[Array, Array]:
-            mean, variance = one(*target)
-            return carried[0] + mean, carried[1] + variance
-
-        return jax.lax.cond(target[2] > 0, more, lambda: carried), None
-
-    targets = (states, log_weights, existence, level, square)
-    return jax.lax.scan(each, (nothing, nothing), targets)[0]
-
-
 def added(
     places: Cells,
     shares: Float[np.ndarray, "..."],
@@ -164,6 +131,7 @@ def added(
     existence: Float[Array, " target"],
     level: Float[Array, " target"],
     square: Float[Array, " target"],
+    few: bool = False,
 ) -> tuple[Values, Values]:
     """Mean and variance of what targets put into every cell (the module's first equation).
 
@@ -172,21 +140,31 @@ def added(
     places, shares, reach, oversample : of the likelihood.
     states, log_weights, existence : of the beliefs.
     level, square : mean of each target's level, and of its square.
+    few : whether points are so few that each is spread out by itself.
     """
-    cells = tuple(count // oversample - 2 * reach for count in places.shape)
-    nothing = jnp.zeros(cells, log_weights.dtype), jnp.zeros(cells, log_weights.dtype)
+    nothing = jnp.zeros(tuple(count // oversample - 2 * reach for count in places.shape), log_weights.dtype)
 
-    def one(states: Any, log_weights: Array, existence: Array, level: Array, square: Array) -> tuple[Array, Array]:
-        chances = on_places(places, states, log_weights)
-        mean = existence * level * spread_out(chances, shares, reach, oversample)
-        squared = existence * square * spread_out(chances, shares**2, reach, oversample)
-        return mean, jnp.maximum(squared - mean**2, 0)
+    def arrived(states: Any, log_weights: Array) -> tuple[Array, Array]:
+        if not few:
+            chances = on_places(places, states, log_weights)
+            return spread_out(chances, shares, reach, oversample), spread_out(chances, shares**2, reach, oversample)
+        weights = jnp.exp(log_weights)
+        cell, share, inside = reached(places, jnp.asarray(shares, weights.dtype), reach, oversample, states)
+        part = jnp.where(inside, weights * share, 0)
+        return nothing.at[cell].add(part), nothing.at[cell].add(part * share)
 
-    def each(target: tuple[Any, ...]) -> tuple[Array, Array]:
-        return jax.lax.cond(target[2] > 0, one, lambda *target: nothing, *target)
+    def more(sums: tuple[Array, Array], target: tuple[Any, ...]) -> tuple[tuple[Array, Array], None]:
+        states, log_weights, existence, level, square = target
 
-    parts = jax.lax.map(each, (states, log_weights, existence, level, square))
-    return jnp.sum(parts[0], axis=0), jnp.sum(parts[1], axis=0)
+        def beside() -> tuple[Array, Array]:
+            share, squared = arrived(states, log_weights)
+            mean = existence * level * share
+            return sums[0] + mean, sums[1] + jnp.maximum(existence * square * squared - mean**2, 0)
+
+        return jax.lax.cond(existence > 0, beside, lambda: sums), None
+
+    targets = (states, log_weights, existence, level, square)
+    return jax.lax.scan(more, (nothing, nothing), targets)[0]
 
 
 def alike(cells: Cells, reach: int, states: Any, centres: Any) -> Bool[Array, "centre *points"]:

@@ -37,7 +37,6 @@ from faintrack.errors import InputError
 from faintrack.likelihoods.cell_field import (
     Rule,
     added,
-    added_by_few,
     alike,
     envelopes,
     means,
@@ -418,10 +417,8 @@ class CellLikelihood(eqx.Module):
         if rule is None:
             name = getattr(self.amplitude, "__name__", self.amplitude)
             raise InputError(f"amplitude {name}: it is not known how the values of several targets add.")
-        spread = added_by_few if self.few(_of_one(states)) else added
-        mean, variance = spread(
-            self.places, self.shares, self.reach, self.oversample, states, log_weights, existence, level, square
-        )
+        few, beliefs = self.few(_of_one(states)), (states, log_weights, existence, level, square)
+        mean, variance = added(self.places, self.shares, self.reach, self.oversample, *beliefs, few)
         return with_gain(scan, *rule(scan.values, mean, variance))
 
     def alike(self, scan: CellScan, states: Any, centres: Any) -> Bool[Array, "centre *points"]:

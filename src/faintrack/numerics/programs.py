@@ -33,13 +33,17 @@ import jax
 import jax.numpy as jnp
 import jaxlib
 import numpy as np
+import scipy
 from jax.experimental import serialize_executable
 from jax.experimental.compilation_cache import compilation_cache
 
 from faintrack.numerics.compiled import cache_folder
 
-ROOTS = {"faintrack", "jax", "jaxlib", "equinox", "numpy", "scipy", "builtins", "functools", "math", "jaxtyping"}
+ROOTS = {"faintrack", "jax", "jaxlib", "equinox", "numpy", "scipy", "builtins", "functools", "math"}
 """Packages whose functions are known by name: the versions of all are part of what a program is found by."""
+
+SETTINGS = "enable_x64", "default_matmul_precision", "default_device"
+"""Of JAX, that a program follows from."""
 
 LASTING = 30 * 86_400.0
 """Seconds for which a program is kept that is not used."""
@@ -83,7 +87,8 @@ def kept(function: Callable[..., Any], *arguments: Any) -> Program:
         return _compiled(function)
     try:
         name = fingerprint(function, arguments)
-    except Unknown:
+    # Keys that have no order, cells that are empty, what holds itself: unknown as well.
+    except (Unknown, TypeError, ValueError, RecursionError):
         return _compiled(function)
     if name not in _held:
         _held[name] = _loaded(folder / name) or _made(folder / name, function, arguments)
@@ -113,7 +118,9 @@ def fingerprint(function: Callable[..., Any], arguments: Any) -> str:
     >>> one == two, one == three
     (True, False)
     """
-    told = hashlib.sha256(_surroundings().encode())
+    # As they are here and now: they may be set for a part of a program.
+    config = [getattr(jax.config, f"jax_{name}") for name in SETTINGS]
+    told = hashlib.sha256(repr((_surroundings(), config)).encode())
     _tell(function, told.update, constant=True)
     _tell(arguments, told.update, constant=False)
     return told.hexdigest()
@@ -190,11 +197,10 @@ def _surroundings() -> str:
         processor = next((line for line in told if line.startswith(("flags", "Features"))), "")
     except OSError:
         processor = platform.processor()
-    config = [(key, jax.config.values.get(f"jax_{key}")) for key in ("default_matmul_precision", "enable_x64")]
-    config.append(("flags", os.environ.get("XLA_FLAGS")))
     devices = [(device.platform, device.device_kind) for device in jax.local_devices()]
-    versions = (sys.version, jax.__version__, jaxlib.__version__, eqx.__version__, np.__version__)
-    return repr((source.hexdigest(), versions, config, devices, platform.machine(), processor))
+    versions = (sys.version, jax.__version__, jaxlib.__version__, eqx.__version__, np.__version__, scipy.__version__)
+    flags = os.environ.get("XLA_FLAGS")
+    return repr((source.hexdigest(), versions, flags, devices, platform.machine(), processor))
 
 
 def _folder() -> Path | None:
