@@ -30,7 +30,8 @@ q its existence. Of M dimensions a frame then holds as many as expected under th
 .. math:: M' = \operatorname{tr} G^{-1} \left(I + \sum_j a_j \mathrm{E}[d_j d_j^*]\right).
 
 Columns are taken in one by one (Sherman and Morrison): with :math:`u = G^{-1} b` and :math:`s = 1 + b^* u`, the
-inverse of :math:`G + b b^*` is :math:`G^{-1} - u u^* / s`. The energy is summed from what is left,
+inverse of :math:`G + b b^*` is :math:`G^{-1} - u u^* / s`. One whose :math:`b^* u` is next to nothing in every bin is
+left out. The energy is summed from what is left,
 
 .. math:: E = \sum_k \left[ y_k^* G_0 y_k + \sum_b |b^* y_k|^2 \right], \qquad y_k = G^{-1} z_k ,
 
@@ -43,13 +44,14 @@ averaged over the band: sources so near each other are one to the array.
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from faintrack.errors import InputError
 from faintrack.numerics.precision import full_precision
@@ -64,7 +66,8 @@ ORDERS = 4
 """Of the patterns along the array that a snapshot of finite length leaves of a wave."""
 
 COLUMNS = ORDERS + 1
-"""Of the covariance of one source: its patterns along the array, and what a turn adds; and a rise, if it may rise."""
+"""Of the covariance of one source: its patterns along the array, and what a turn adds; and a rise, if it may rise.
+As many are read at once."""
 
 TURN = 0.01
 """Angle over which the delays are differentiated; radians."""
@@ -77,6 +80,9 @@ MISPLACED = 0.02
 
 ROUNDED = 1e-5
 """Share of a column below which it lies in the span of others, in single precision."""
+
+NEGLIGIBLE = 1e-4
+"""Variance in a column over that of the noise up to which it is left out."""
 
 IMPRECISE = 1e-8
 """Share of what was received that single precision may leave behind."""
@@ -96,8 +102,9 @@ class ArrayField(eqx.Module):
 
     Attributes
     ----------
-    columns : :math:`G^{-1} = I - Q Q^*` in every bin.
+    columns : :math:`G^{-1} = I - Q Q^*` in every bin; zero beyond `used`.
     patterns : B, with :math:`G = I + B B^*`; zero where nothing is left of a column.
+    used : columns of all sources.
     spectra : :math:`G^{-1} z`.
     energy : E.
     dimensions : :math:`M'`.
@@ -105,8 +112,9 @@ class ArrayField(eqx.Module):
     power, gain : P and w of every beam, where they have been worked out already.
     """
 
-    columns: Complex[Array, "*scan source column frequency channel"]
-    patterns: Complex[Array, "*scan source column frequency channel"]
+    columns: Complex[Array, "*scan column frequency channel"]
+    patterns: Complex[Array, "*scan column frequency channel"]
+    used: Int[Array, "*scan"]
     spectra: Complex[Array, "*scan snapshot frequency channel"]
     energy: Float[Array, "*scan frequency"]
     dimensions: Float[Array, "*scan frequency"]
@@ -191,7 +199,7 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
     frequency = jnp.asarray(grid.frequency, dtype)
     resolution = beamformer.resolution
     # Channels that are silent in a frame hear no source either.
-    used = (jnp.sum(jnp.abs(scan.spectra) ** 2, axis=(0, 1)) > 0).astype(dtype)
+    heard = (jnp.sum(jnp.abs(scan.spectra) ** 2, axis=(0, 1)) > 0).astype(dtype)
     snr, channels = sources.snr, scan.channels
     level = 4 * snr * (1 + channels * snr) * (1 + snr / 10) ** 4 * sources.existence
     true = jnp.where(level > 0, snr * sources.existence / jnp.where(level > 0, level, 1), 0)
@@ -202,14 +210,14 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
     def added(held: Any, source: Any) -> tuple[Any, None]:
         return jax.lax.cond(source[2] > 0, taken_in, lambda held, source: held, held, source), None
 
-    def taken_in(held: tuple[Array, ...], source: tuple[Array, ...]) -> tuple[Array, ...]:
-        bearing, deviation, level, true, number, *raised = source
+    def patterns_of(source: tuple[Array, ...]) -> Complex[Array, "column frequency channel"]:
+        bearing, deviation, level, _, *raised = source
         directions = [jnp.stack([bearing, bearing + TURN, bearing - TURN, *(bearing for _ in raised)])]
         if raised:
             elevation = raised[0]
             directions.append(jnp.stack([*(elevation for _ in range(3)), elevation + TURN, elevation - TURN]))
         vectors, delays = steered(array, frequency, *directions)
-        middle, lag = vectors[:, 0] * used, resolution * delays[0]
+        middle, lag = vectors[:, 0] * heard, resolution * delays[0]
         turned = jnp.pi / TURN * frequency[:, None] * (delays[1] - delays[2])
         # Positions are not known to less than this either.
         least = MISPLACED / jnp.maximum(jnp.max(jnp.abs(turned)), jnp.finfo(dtype).tiny)
@@ -224,60 +232,93 @@ def beside(beamformer: Beamformer, scan: BeamScan, sources: Sources) -> BeamScan
         if raised:
             lifted = raised[1] * jnp.pi / TURN * frequency[:, None] * (delays[3] - delays[4])
             beside.append((lifted / jnp.maximum(jnp.max(jnp.abs(lifted), axis=1, keepdims=True), 1))[None])
-        patterns = middle * jnp.concatenate(beside) * jnp.sqrt(level)
+        return middle * jnp.concatenate(beside) * jnp.sqrt(level)
+
+    def taken_in(held: tuple[Array, ...], source: tuple[Array, ...]) -> tuple[Array, ...]:
+        patterns, true = patterns_of(source), source[3]
+
+        def beside_column(solved: Array, columns: Array) -> Array:
+            inner = jnp.einsum("rfc,pfc->prf", columns.conj(), patterns)
+            return solved - jnp.einsum("prf,rfc->pfc", inner, columns)
+
+        alone = patterns if noise is None else noise.solved(patterns)
+        whole = jnp.einsum("pfc,pfc->pf", patterns.conj(), alone).real
+        solved = _over(held[0], held[2], beside_column, alone)
 
         def one(place: Any, held: tuple[Array, ...]) -> tuple[Array, ...]:
-            columns, left, spectra, share = held
-            column = patterns[place]
-            inner = jnp.einsum("srfc,fc->srf", columns.conj(), column)
-            alone = column if noise is None else noise.solved(column)
-            solved = alone - jnp.einsum("srf,srfc->fc", inner, columns)
-            whole = jnp.einsum("fc,fc->f", column.conj(), alone).real
-            rest = jnp.einsum("fc,fc->f", column.conj(), solved).real
+            columns, left, used, spectra, share, solved = held
+            column, own = patterns[place], solved[place]
+            rest = jnp.einsum("fc,fc->f", column.conj(), own).real
             # What lies in loud columns already but for a rounding error is left out.
-            rest = jnp.where(rest > ROUNDED * whole, rest, 0)
-            solved, scale = jnp.where((rest > 0)[:, None], solved, 0), 1 + rest
+            rest = jnp.where(rest > ROUNDED * whole[place], rest, 0)
+            some = jnp.max(rest) > NEGLIGIBLE
+            rest = jnp.where(some, rest, 0)
+            own, scale = jnp.where((rest > 0)[:, None], own, 0), 1 + rest
             along = jnp.einsum("fc,kfc->kf", column.conj(), spectra)
-            spectra = spectra - jnp.einsum("kf,fc->kfc", along / scale, solved)
-            column_of_inverse = solved / jnp.sqrt(scale)[:, None]
-            columns = columns.at[first + number, place].set(column_of_inverse)
-            left = left.at[first + number, place].set(jnp.where((scale < CLOSED)[:, None], column, 0))
+            spectra = spectra - jnp.einsum("kf,fc->kfc", along / scale, own)
+            column_of_inverse = own / jnp.sqrt(scale)[:, None]
+            columns = columns.at[used].set(column_of_inverse)
+            left = left.at[used].set(jnp.where((some & (scale < CLOSED))[:, None], column, 0))
+            inner = jnp.einsum("fc,pfc->pf", column_of_inverse.conj(), patterns)
+            solved = solved - inner[..., None] * column_of_inverse
             # What the column takes of the trace, less what of it is there under the level itself.
             taken = jnp.sum(jnp.abs(column_of_inverse) ** 2, axis=1) if noise is None else 1 - 1 / scale
-            return columns, left, spectra, share + taken - true * (1 - 1 / scale)
+            share = share + taken - true * (1 - 1 / scale)
+            return columns, left, used + some, spectra, share, solved
 
-        return jax.lax.fori_loop(0, columns_of_each, one, held)
+        return jax.lax.fori_loop(0, columns_of_each, one, (*held, solved))[:-1]
 
     before = scan.field if scan.field is not None else _empty(scan)
-    first, noise = len(before.columns), before.noise
-    room = ((0, len(sources.bearing)), (0, columns_of_each - before.columns.shape[1]), (0, 0), (0, 0))
-    start = (jnp.pad(before.columns, room), jnp.pad(before.patterns, room), before.spectra, jnp.zeros_like(frequency))
-    each = (sources.bearing, sources.deviation, level, true, jnp.arange(len(sources.bearing)), *above)
-    (columns, left, spectra, share), _ = jax.lax.scan(added, start, each)
+    noise = before.noise
+    room = ((0, -(-len(sources.bearing) * columns_of_each // COLUMNS) * COLUMNS), (0, 0), (0, 0))
+    columns, left = jnp.pad(before.columns, room), jnp.pad(before.patterns, room)
+    start = (columns, left, before.used, before.spectra, jnp.zeros_like(frequency))
+    each = (sources.bearing, sources.deviation, level, true, *above)
+    (columns, left, used, spectra, share), _ = jax.lax.scan(added, start, each)
     some = jnp.any(level > 0)
     lost = IMPRECISE * scan.total_power
-    energy = jax.lax.cond(some, lambda: _energy(spectra, left, noise) + lost, lambda: before.energy)
+    energy = jax.lax.cond(some, lambda: _energy(spectra, left, used, noise) + lost, lambda: before.energy)
     dimensions = jnp.maximum(before.dimensions - share, 1)
-    return dataclasses.replace(scan, field=ArrayField(columns, left, spectra, energy, dimensions, noise))
+    return dataclasses.replace(scan, field=ArrayField(columns, left, used, spectra, energy, dimensions, noise))
+
+
+def _over(
+    columns: Complex[Array, "column frequency channel"],
+    used: Int[Array, ""],
+    function: Callable[[Any, Complex[Array, "some frequency channel"]], Any],
+    start: Any,
+) -> Any:
+    """What a function makes of the columns in use, some at once, beginning with `start`."""
+    if not len(columns):
+        return start
+
+    def some(number: Any, held: Any) -> Any:
+        return function(held, jax.lax.dynamic_slice_in_dim(columns, COLUMNS * number, COLUMNS))
+
+    return jax.lax.fori_loop(0, (used + COLUMNS - 1) // COLUMNS, some, start)
 
 
 def _empty(scan: BeamScan) -> ArrayField:
     """Field without a source, in white noise."""
     assert scan.spectra is not None
     bins, channels = scan.spectra.shape[1:]
-    none = jnp.zeros((0, COLUMNS, bins, channels), scan.spectra.dtype)
-    return ArrayField(none, none, scan.spectra, scan.total_power, jnp.full_like(scan.total_power, scan.channels))
+    none, used = jnp.zeros((0, bins, channels), scan.spectra.dtype), jnp.array(0)
+    return ArrayField(none, none, used, scan.spectra, scan.total_power, jnp.full_like(scan.total_power, scan.channels))
 
 
 def _energy(
     spectra: Complex[Array, "snapshot frequency channel"],
-    patterns: Complex[Array, "source column frequency channel"],
+    patterns: Complex[Array, "column frequency channel"],
+    used: Int[Array, ""],
     noise: NoiseModes | None,
 ) -> Float[Array, " frequency"]:
     """E from what is left of the spectra (the module's last equation)."""
+
+    def more(energy: Array, patterns: Array) -> Array:
+        return energy + jnp.sum(jnp.abs(jnp.einsum("rfc,kfc->rkf", patterns.conj(), spectra)) ** 2, axis=(0, 1))
+
     alone = spectra if noise is None else noise.applied(spectra)
-    inside = jnp.einsum("srfc,kfc->srkf", patterns.conj(), spectra)
-    return jnp.sum((spectra.conj() * alone).real, axis=(0, 2)) + jnp.sum(jnp.abs(inside) ** 2, axis=(0, 1, 2))
+    return _over(patterns, used, more, jnp.sum((spectra.conj() * alone).real, axis=(0, 2)))
 
 
 @full_precision
@@ -303,18 +344,35 @@ def beams_beside(
     field = scan.field
     if field.power is not None:
         return field.power, field.gain
-    used = jnp.any(field.columns.real != 0, axis=(1, 2, 3))
-
-    def less(number: Any, gain: Float[Array, "frequency bearing"]) -> Float[Array, "frequency bearing"]:
-        own = jax.lax.dynamic_index_in_dim(field.columns, number)
-        return jax.lax.cond(used[number], lambda: gain - beamformer.beam_power(own)[0], lambda: gain)
-
     shape = (len(field.energy), beamformer.grid.beams * beamformer.grid.rings)
     before = jnp.full(shape, scan.channels) if field.noise is None else field.noise.gain
-    gain = jax.lax.fori_loop(0, len(used), less, before) if len(used) else before
-    alone = ~jnp.any(used) & (True if field.noise is None else field.noise.white)
+    gain = _over(
+        field.columns, field.used, lambda gain, columns: gain - beamformer.beam_power(columns[None])[0], before
+    )
+    alone = (field.used == 0) & (True if field.noise is None else field.noise.white)
     power = jax.lax.cond(alone, lambda: scan.beam_power, lambda: beamformer.beam_power(field.spectra[None])[0])
     return power, jnp.maximum(gain, 0)
+
+
+@full_precision
+def directions_beside(
+    vectors: Complex[Array, "frequency direction channel"], scan: BeamScan
+) -> tuple[Float[Array, "frequency direction"], Float[Array, "frequency direction"]]:
+    """P and w in the directions of some steering vectors."""
+    field = scan.field
+    spectra = scan.spectra if field is None else field.spectra
+    power = jnp.sum(jnp.abs(jnp.einsum("fbc,kfc->kfb", vectors.conj(), spectra)) ** 2, axis=0)
+    gain = jnp.full_like(power, scan.channels)
+    if field is None:
+        return power, gain
+    if field.noise is not None:
+        stacked = jnp.moveaxis(vectors, 1, 0)
+        gain = jnp.moveaxis(jnp.sum((stacked.conj() * field.noise.solved(stacked)).real, axis=2), 0, 1)
+
+    def less(gain: Array, columns: Array) -> Array:
+        return gain - jnp.sum(jnp.abs(jnp.einsum("fbc,rfc->rfb", vectors.conj(), columns)) ** 2, axis=0)
+
+    return power, jnp.maximum(_over(field.columns, field.used, less, gain), 0)
 
 
 def with_beams(beamformer: Beamformer, scan: BeamScan) -> BeamScan:

@@ -40,9 +40,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.likelihoods.array_field import alike, beams_beside, beside, sources_of, steered, with_beams
+from faintrack.likelihoods.array_field import (
+    alike,
+    beams_beside,
+    beside,
+    directions_beside,
+    sources_of,
+    steered,
+    with_beams,
+)
 from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import (
     bearing_neighbours,
@@ -51,7 +59,6 @@ from faintrack.likelihoods.interpolation import (
     read_plane,
     read_space,
 )
-from faintrack.numerics.precision import full_precision
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.spectra import beams_of
 from faintrack.signal.beamformer import Beamformer
@@ -112,23 +119,6 @@ class Zoomed(eqx.Module):
         assert self.reach_up is not None
         of_elevation = along(states.elevation - self.elevation, self.reach_up, rings[0])
         return read_space(self.table, of_elevation, of_bearing, of_snr)
-
-
-@full_precision
-def _heard(
-    vectors: Complex[Array, "frequency direction channel"], scan: BeamScan
-) -> tuple[Float[Array, "frequency direction"], Float[Array, "frequency direction"]]:
-    """P and w in some directions."""
-    spectra = scan.spectra if scan.field is None else scan.field.spectra
-    power = jnp.sum(jnp.abs(jnp.einsum("fbc,kfc->kfb", vectors.conj(), spectra)) ** 2, axis=0)
-    if scan.field is None:
-        return power, jnp.full_like(power, scan.channels)
-    noise, gain = scan.field.noise, jnp.full_like(power, scan.channels)
-    if noise is not None:
-        stacked = jnp.moveaxis(vectors, 1, 0)
-        gain = jnp.moveaxis(jnp.sum((stacked.conj() * noise.solved(stacked)).real, axis=2), 0, 1)
-    taken = jnp.sum(jnp.abs(jnp.einsum("fbc,srfc->srfb", vectors.conj(), scan.field.columns)) ** 2, axis=(0, 1))
-    return power, jnp.maximum(gain - taken, 0)
 
 
 class UnknownNoise(eqx.Module):
@@ -274,13 +264,15 @@ class UnknownNoise(eqx.Module):
         frequency, middle = jnp.asarray(self.grid.frequency, dtype), believed.bearing[0]
         if believed.elevation is None or believed.elevation_deviation is None:
             vectors, _ = steered(self.grid.array, frequency, middle + reach * offsets)
-            return Zoomed(middle, reach, middle_db, reach_db, self._beside(scan, snr_db, *_heard(vectors, scan)))
+            return Zoomed(
+                middle, reach, middle_db, reach_db, self._beside(scan, snr_db, *directions_beside(vectors, scan))
+            )
         elevation = believed.elevation[0]
         reach_up = REACH * jnp.maximum(believed.elevation_deviation[0], NARROWEST)
         offsets = jnp.linspace(-1, 1, ACROSS, dtype=dtype)
         around = jnp.tile(middle + reach * offsets, ACROSS), jnp.repeat(elevation + reach_up * offsets, ACROSS)
         vectors, _ = steered(self.grid.array, frequency, *around)
-        table = self._beside(scan, snr_db, *_heard(vectors, scan)).reshape(ACROSS, ACROSS, -1)
+        table = self._beside(scan, snr_db, *directions_beside(vectors, scan)).reshape(ACROSS, ACROSS, -1)
         return Zoomed(middle, reach, middle_db, reach_db, table, elevation, reach_up)
 
     def propose(
