@@ -42,6 +42,7 @@ from faintrack.likelihoods.guided import Guided
 from faintrack.likelihoods.heavy_tails import student
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.multistatic import Multistatic
+from faintrack.likelihoods.protocols import with_others
 from faintrack.likelihoods.random_points import RandomPoints
 from faintrack.likelihoods.superposed import SuperposedLikelihood
 from faintrack.likelihoods.unknown_level import UnknownLevel
@@ -191,7 +192,7 @@ def superposed_case(dtype: type, beside: bool = False) -> Case:
             *(jnp.asarray(each, dtype) for each in ([[4.0, 8.0, 5.0]], [[12.0] * 3], *[[[0.0] * 3]] * 2))
         )
         equal = jnp.full((1, 3), -math.log(3), dtype)
-        scan = likelihood.beside(scan, others, equal, jnp.array([0.6], dtype))
+        scan = with_others(likelihood, scan, others, equal, jnp.array([0.6], dtype))
     points = (3.0, 4.0, 0.0, 0.0), (12.0, 14.0, 0.0, 0.0), (40.0, 0.0, 0.0, 0.0)
     return Case(likelihood, scan, row(PlanarState, dtype, *points))
 

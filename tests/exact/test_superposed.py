@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from faintrack.errors import InputError
+from faintrack.likelihoods.protocols import with_others
 from faintrack.sensors.superposed import SuperposedScan, inverse_square, picture
 from faintrack.targets.births import PlanarBirth
 from faintrack.targets.states import PlanarState
@@ -58,7 +59,7 @@ def test_ratio_is_that_of_two_gaussians() -> None:
 
 def test_others_that_are_certain_shift_the_readings() -> None:
     scan, there = scan_of(), np.array([[5.0, 15.0], [9.0, 9.0]])
-    beside = superposed().beside(scan, at(there[:, None]), jnp.zeros((2, 1)), jnp.ones(2))
+    beside = with_others(superposed(), scan, at(there[:, None]), jnp.zeros((2, 1)), jnp.ones(2))
     assert not np.any(beside.columns)
     mean = levels(there).sum(axis=0)
     expected = [
@@ -73,7 +74,7 @@ def test_background_has_the_moments_of_beliefs(spread: float) -> None:
     """Mean exactly; the covariance is never more than that of the points, and all of it where these are near."""
     states, log_weights = others(*clouds(spread))
     existence, scan = np.array([0.7, 1.0]), scan_of()
-    beside = superposed().beside(scan, states, log_weights, jnp.asarray(existence, jnp.float32))
+    beside = with_others(superposed(), scan, states, log_weights, jnp.asarray(existence, jnp.float32))
     mean, matrix = np.zeros(9), np.zeros((9, 9))
     for q, weights, cloud in zip(existence, np.exp(np.asarray(log_weights, float)), clouds(spread), strict=True):
         each = levels(cloud)
@@ -96,7 +97,7 @@ def test_background_has_the_moments_of_beliefs(spread: float) -> None:
 
 def test_what_does_not_exist_changes_no_bit() -> None:
     states, log_weights = others(*clouds(1.0))
-    beside = superposed().beside(scan_of(), states, log_weights, jnp.zeros(2))
+    beside = with_others(superposed(), scan_of(), states, log_weights, jnp.zeros(2))
     alone, next_to = (superposed().log_ratio(scan, at(PLACES)) for scan in (scan_of(), beside))
     np.testing.assert_array_equal(next_to, alone)
 
@@ -107,8 +108,8 @@ def test_order_of_the_others_does_not_matter_nor_whether_they_come_at_once() -> 
 
     def added(scan: SuperposedScan, *numbers: int) -> SuperposedScan:
         chosen = np.array(numbers)
-        return likelihood.beside(
-            scan, jax.tree.map(lambda each: each[chosen], states), log_weights[chosen], existence[chosen]
+        return with_others(
+            likelihood, scan, jax.tree.map(lambda each: each[chosen], states), log_weights[chosen], existence[chosen]
         )
 
     scan = scan_of()
@@ -120,7 +121,7 @@ def test_order_of_the_others_does_not_matter_nor_whether_they_come_at_once() -> 
 def test_sensors_without_a_reading_are_as_if_they_were_not_there() -> None:
     states, log_weights = others(*clouds(1.0))
     likelihood, heard = superposed(), np.array([0, 1, 3, 4, 5, 7])
-    scan = likelihood.beside(scan_of(), states, log_weights, jnp.array([0.7, 0.9]))
+    scan = with_others(likelihood, scan_of(), states, log_weights, jnp.array([0.7, 0.9]))
     gaps = jnp.full(9, jnp.nan).at[heard].set(scan.values[heard])
     few = dataclasses.replace(network(), x=network().x[heard], y=network().y[heard])
     without = dataclasses.replace(scan, values=scan.values[heard], columns=scan.columns[heard])

@@ -65,6 +65,18 @@ def test_blocks_of_any_size_give_the_same(result: Result) -> None:
     xr.testing.assert_allclose(result.data.drop_dims("snapshot")[list(pieces)], pieces, rtol=1e-4, atol=1e-4)
 
 
+def test_dark_targets_are_bright_ones_of_the_other_sign() -> None:
+    frames = np.random.default_rng(5).normal(10.0, 1.0, (12, 16, 16)).astype(np.float32)
+    frames[:, 8, 8] += 8.0
+    tables = {"cells": {"amplitude": "gaussian", "width": 0.0}, "frames": {"memory": 5.0}}
+    bright = ft.track(from_frames(frames), tables)
+    dark = ft.track(from_frames(-frames), {**tables, "cells": {**tables["cells"], "dark": True}})
+    for name in ("existence", "x", "y"):
+        np.testing.assert_array_equal(bright.data[name], dark.data[name])
+    # Pictures show what the file holds.
+    np.testing.assert_array_equal(bright.data.frame, -dark.data.frame)
+
+
 def test_some_frames_are_kept_for_the_report(result: Result) -> None:
     sequence, data = pixels(PATH_Y, PATH_X), result.data
     assert data.snapshot.values.tolist() == [4, 9, 14, 19, 24, 29, 34, 39]
@@ -140,6 +152,7 @@ IMAGES, PROFILES = from_frames(np.ones((4, 12, 12))), from_frames(np.ones((4, 12
         (IMAGES, {"frames": {"background": "none"}}, "amplitude is missing; expected one of gaussian"),
         (IMAGES, {"cells": {"amplitude": "rayleigh"}}, "amplitude is rayleigh; expected gaussian or student"),
         (PROFILES, {"cells": {"width": 1.0}}, "no amplitude or width"),
+        (PROFILES, {"cells": {"dark": True}}, "dark: values are a power"),
         (PROFILES, {"cells": {"levels": [1.0, 2.0]}}, "levels with one number"),
         (from_frames(np.ones((2, 600, 600))), {"filter": {"speeds": 9}}, "600 x 600 x 9 x 9 cells"),
         (

@@ -14,7 +14,7 @@ from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
 from faintrack.likelihoods.cells import CellLikelihood, gaussian, gaussian_spread, rayleigh, swerling1
 from faintrack.likelihoods.clutter import ClutterLikelihood
 from faintrack.likelihoods.heavy_tails import student
-from faintrack.likelihoods.protocols import Beside
+from faintrack.likelihoods.protocols import Beside, with_others
 from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, bearing_set
 from faintrack.sensors.cells import Cells, CellScan
@@ -80,7 +80,7 @@ def test_it_says_that_it_can(name: str) -> None:
 def test_a_target_that_does_not_exist_is_nothing(name: str) -> None:
     likelihood, scan = CASES[name]
     states, log_weights, existence = certain((2.0, 3.0), (4.0, 1.0))
-    empty = likelihood.beside(scan, states, log_weights, 0 * existence)
+    empty = with_others(likelihood, scan, states, log_weights, 0 * existence)
     np.testing.assert_allclose(
         likelihood.log_ratio(empty, POINTS), likelihood.log_ratio(scan, POINTS), rtol=1e-5, atol=1e-5
     )
@@ -92,7 +92,7 @@ def test_order_is_irrelevant(name: str) -> None:
     states, log_weights, _ = certain((2.0, 3.0), (3.0, 3.0), (5.0, 1.0))
     existence = jnp.asarray([0.9, 0.4, 1.0])
     turned = jax.tree.map(lambda values: values[::-1], (states, log_weights, existence))
-    one, two = likelihood.beside(scan, states, log_weights, existence), likelihood.beside(scan, *turned)
+    one, two = with_others(likelihood, scan, states, log_weights, existence), with_others(likelihood, scan, *turned)
     np.testing.assert_allclose(
         likelihood.log_ratio(one, POINTS), likelihood.log_ratio(two, POINTS), rtol=1e-4, atol=1e-4
     )
@@ -107,7 +107,7 @@ def test_what_is_explained_tells_less(name: str) -> None:
     else:
         scan = dataclasses.replace(scan, values=scan.values.at[3, 2].set(8.0))
         point, other = planar((2.0, 3.0)), certain((2.0, 3.0))
-    assert float(likelihood.log_ratio(likelihood.beside(scan, *other), point)[0]) < float(
+    assert float(likelihood.log_ratio(with_others(likelihood, scan, *other), point)[0]) < float(
         likelihood.log_ratio(scan, point)[0]
     )
 
@@ -121,7 +121,7 @@ def test_mean_ratio_under_another_target(amplitude: Any) -> None:
 
     def one(key: Any) -> Any:
         drawn = likelihood.simulate(noise(), other, True, key)
-        return jnp.exp(likelihood.log_ratio(likelihood.beside(drawn, *beside), POINTS))
+        return jnp.exp(likelihood.log_ratio(with_others(likelihood, drawn, *beside), POINTS))
 
     ratios = jax.jit(jax.vmap(one))(jax.random.split(jax.random.key(1), DRAWS))
     assert errors_apart(np.asarray(ratios), 1.0) < STANDARD_ERRORS
@@ -136,7 +136,7 @@ def test_a_place_that_is_not_known_widens_the_cells() -> None:
     square = existence * sum(weight * each**2 for weight, each in zip(weights, maps, strict=True))
     states = jax.tree.map(lambda values: values[None], planar(*places))
     scan = noise()
-    found = likelihood.beside(scan, states, jnp.log(jnp.asarray(weights))[None], jnp.asarray([existence]))
+    found = with_others(likelihood, scan, states, jnp.log(jnp.asarray(weights))[None], jnp.asarray([existence]))
     factor = 1 / np.sqrt(1 + square - mean**2)
     np.testing.assert_allclose(found.gain, factor, rtol=1e-5)
     np.testing.assert_allclose(found.values, (np.asarray(scan.values) - mean) * factor, rtol=1e-4, atol=1e-5)
@@ -144,7 +144,7 @@ def test_a_place_that_is_not_known_widens_the_cells() -> None:
 
 def test_bearings_of_another_add_to_the_false_ones() -> None:
     likelihood, scan = CASES["bearings"]
-    found = likelihood.beside(scan, *certain((1000.0, 100.0)))
+    found = with_others(likelihood, scan, *certain((1000.0, 100.0)))
     off = np.array([0.1, 0.12, 1.0, -2.0]) - math.atan2(100.0, 1000.0)
     density = np.exp(-0.5 * (off / SENSOR.error) ** 2) / (SENSOR.error * math.sqrt(2 * math.pi))
     expected = 1 + 0.9 * density / (4.0 / (2 * math.pi))

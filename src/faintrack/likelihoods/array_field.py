@@ -124,7 +124,7 @@ class ArrayField(eqx.Module):
 
 
 class Sources(eqx.Module):
-    """What is believed of the sources that are there, one entry each.
+    """What is believed of sources that are there, one entry each, or of one.
 
     Attributes
     ----------
@@ -134,36 +134,28 @@ class Sources(eqx.Module):
     elevation, elevation_deviation : mean and standard deviation, radians; None of level waves.
     """
 
-    bearing: Float[Array, " source"]
-    deviation: Float[Array, " source"]
-    snr: Float[Array, " source"]
-    existence: Float[Array, " source"]
-    elevation: Float[Array, " source"] | None = None
-    elevation_deviation: Float[Array, " source"] | None = None
+    bearing: Float[Array, "*source"]
+    deviation: Float[Array, "*source"]
+    snr: Float[Array, "*source"]
+    existence: Float[Array, "*source"]
+    elevation: Float[Array, "*source"] | None = None
+    elevation_deviation: Float[Array, "*source"] | None = None
 
 
-def sources_of(
-    states: BearingState | WaveState, log_weights: Float[Array, "source point"], existence: Float[Array, " source"]
-) -> Sources:
-    """Sources from the points of their beliefs.
-
-    Parameters
-    ----------
-    states : components have the shape (source, point).
-    log_weights, existence : of the beliefs.
-    """
+def source_of(states: BearingState | WaveState, log_weights: Float[Array, " point"]) -> Sources:
+    """One source, certain to be there, from the points of its belief."""
     weights = jnp.exp(log_weights)
     sine, cosine = sine_cosine(states.bearing)
-    middle = jnp.arctan2(jnp.sum(weights * sine, axis=1), jnp.sum(weights * cosine, axis=1))
-    off = states.bearing - middle[:, None]
+    middle = jnp.arctan2(jnp.sum(weights * sine), jnp.sum(weights * cosine))
+    off = states.bearing - middle
     off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
-    deviation = jnp.sqrt(jnp.sum(weights * off**2, axis=1))
-    snr = 10 ** (jnp.sum(weights * states.snr_db, axis=1) / 10)
+    deviation = jnp.sqrt(jnp.sum(weights * off**2))
+    snr = 10 ** (jnp.sum(weights * states.snr_db) / 10)
     if not isinstance(states, WaveState):
-        return Sources(middle, deviation, snr, existence)
-    elevation = jnp.sum(weights * states.elevation, axis=1)
-    above = jnp.sqrt(jnp.sum(weights * (states.elevation - elevation[:, None]) ** 2, axis=1))
-    return Sources(middle, deviation, snr, existence, elevation, above)
+        return Sources(middle, deviation, snr, jnp.ones_like(snr))
+    elevation = jnp.sum(weights * states.elevation)
+    above = jnp.sqrt(jnp.sum(weights * (states.elevation - elevation) ** 2))
+    return Sources(middle, deviation, snr, jnp.ones_like(snr), elevation, above)
 
 
 def steered(

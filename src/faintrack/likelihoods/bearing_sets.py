@@ -116,12 +116,13 @@ class BearingSetLikelihood(eqx.Module):
         share = jnp.where(log_sum > -jnp.inf, jnp.exp(each - log_sum), 0)
         return jnp.where(within, share, 0).astype(scan.bearing.dtype)
 
+    def part(self, scan: BearingSet, states: Any, log_weights: Float[Array, " point"]) -> Float[Array, " entry"]:
+        """What the bearings of a target add to the density of the false ones, as a multiple of that."""
+        _, each, within = self._terms(dataclasses.replace(scan, crowding=None), states)
+        return jnp.exp(jax.nn.logsumexp(jnp.where(within, each + log_weights, -jnp.inf), axis=1))
+
     def beside(
-        self,
-        scan: BearingSet,
-        states: Any,
-        log_weights: Float[Array, "target point"],
-        existence: Float[Array, " target"],
+        self, scan: BearingSet, parts: Float[Array, "target entry"], existence: Float[Array, " target"]
     ) -> BearingSet:
         r"""Scan with other targets as part of its background: their bearings add to the density of the false ones.
 
@@ -129,17 +130,10 @@ class BearingSetLikelihood(eqx.Module):
         -----
         .. math:: M_c p_c \leftarrow M_c p_c + \sum_t q_t P_D \sum_j w_{tj} \, p(z_i | x_{tj})
 
-        (Musicki and La Scala, *Multi-target tracking in clutter without measurement assignment*, 2008). Parameters and
-        result as of `faintrack.likelihoods.protocols.Beside.beside`.
+        (Musicki and La Scala, *Multi-target tracking in clutter without measurement assignment*, 2008).
         """
-
-        def expected(states: Any, log_weights: Array) -> Float[Array, " entry"]:
-            _, each, within = self._terms(dataclasses.replace(scan, crowding=None), states)
-            return jnp.exp(jax.nn.logsumexp(jnp.where(within, each + log_weights, -jnp.inf), axis=1))
-
-        more = existence @ jax.vmap(expected)(states, log_weights)
         before = jnp.ones_like(scan.bearing) if scan.crowding is None else scan.crowding
-        return dataclasses.replace(scan, crowding=before + more)
+        return dataclasses.replace(scan, crowding=before + existence @ parts)
 
     def alike(self, scan: BearingSet, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
         """Whether bearings are less apart than `APART` standard deviations of one."""
@@ -203,16 +197,18 @@ class ObserversLikelihood(eqx.Module):
         told = jax.vmap(self.each.log_ratio, in_axes=(0, None))(scan.sets, states)
         return jnp.where(scan.heard.reshape(-1, *(1,) * (told.ndim - 1)), told, 0).sum(axis=0)
 
+    def part(
+        self, scan: ObserverSets, states: Any, log_weights: Float[Array, " point"]
+    ) -> Float[Array, "observer entry"]:
+        """As of `BearingSetLikelihood.part`, for every observer."""
+        return jax.vmap(self.each.part, in_axes=(0, None, None))(scan.sets, states, log_weights)
+
     def beside(
-        self,
-        scan: ObserverSets,
-        states: Any,
-        log_weights: Float[Array, "target point"],
-        existence: Float[Array, " target"],
+        self, scan: ObserverSets, parts: Float[Array, "target observer entry"], existence: Float[Array, " target"]
     ) -> ObserverSets:
         """Scan with other targets as part of every observer's background."""
-        beside = jax.vmap(self.each.beside, in_axes=(0, None, None, None))
-        return dataclasses.replace(scan, sets=beside(scan.sets, states, log_weights, existence))
+        beside = jax.vmap(self.each.beside, in_axes=(0, 1, None))
+        return dataclasses.replace(scan, sets=beside(scan.sets, parts, existence))
 
     def alike(self, scan: ObserverSets, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
         """Whether targets have one bearing from every observer that reported."""

@@ -28,6 +28,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.sensors.cells import Cells
 
+WINDOW = 32
+"""Cells along each axis of what is looked at by itself where all points of a belief lie in it."""
+
 Values = Float[Array, "*cells"]
 Rule = Callable[[Values, Values, Values], tuple[Values, Values]]
 """Function of values, mean and variance of what others add, to values over what is left and the factor of a level."""
@@ -82,6 +85,15 @@ def spread_out(
     shares : by position within a cell and by cell around it, see `faintrack.likelihoods.cells.CellLikelihood.shares`.
     reach, oversample : of the likelihood.
     """
+    wide = tuple(count // oversample for count in chances.shape)
+    around = _spread(chances, shares, reach, oversample)
+    return around[tuple(slice(2 * reach, count) for count in wide)]
+
+
+def _spread(
+    chances: Float[Array, "*places"], shares: Float[np.ndarray, "..."], reach: int, oversample: int
+) -> Float[Array, "*cells"]:
+    """As `spread_out`, in the cells beyond the places too, as far as targets reach."""
     dimensions = chances.ndim
     wide = tuple(count // oversample for count in chances.shape)
     by_position = chances.reshape([size for count in wide for size in (count, oversample)])
@@ -91,7 +103,7 @@ def spread_out(
         for start in itertools.product(range(2 * reach + 1), repeat=dimensions):
             window = tuple(slice(first, first + count) for first, count in zip(start, wide, strict=True))
             padded = padded.at[window].add(shares[position + start] * here)
-    return padded[tuple(slice(2 * reach, count) for count in wide)]
+    return padded
 
 
 def reached(
@@ -121,50 +133,67 @@ def reached(
     return kept, share, functools.reduce(jnp.logical_and, within, inside)
 
 
-def added(
+def shared(
     places: Cells,
     shares: Float[np.ndarray, "..."],
     reach: int,
     oversample: int,
     states: Any,
-    log_weights: Float[Array, "target *points"],
-    existence: Float[Array, " target"],
-    level: Float[Array, " target"],
-    square: Float[Array, " target"],
+    log_weights: Float[Array, "*points"],
     few: bool = False,
+) -> tuple[Values, Values]:
+    r"""Mean share of a target's level that arrives in every cell, and mean square, :math:`E_w[h_i], E_w[h_i^2]`.
+
+    Parameters
+    ----------
+    places, shares, reach, oversample : of the likelihood.
+    states, log_weights : what is believed of the target.
+    few : whether points are so few that they may all lie near each other.
+    """
+    wide = tuple(count // oversample for count in places.shape)
+    nearest, near = places.nearest(states)
+    *place, inside = jnp.broadcast_arrays(*nearest, near)
+
+    def whole() -> tuple[Values, Values]:
+        chances = on_places(places, states, log_weights)
+        return spread_out(chances, shares, reach, oversample), spread_out(chances, shares**2, reach, oversample)
+
+    if not few or min(wide) <= WINDOW:
+        return whole()
+    cell = [each // oversample for each in place]
+    low = [jnp.min(jnp.where(inside, each, count)) for each, count in zip(cell, wide, strict=True)]
+    start = [jnp.clip(first, 0, count - WINDOW) for first, count in zip(low, wide, strict=True)]
+    fits = [jnp.max(jnp.where(inside, each, 0)) < first + WINDOW for each, first in zip(cell, start, strict=True)]
+
+    def within() -> tuple[Values, Values]:
+        weights = jnp.where(inside, jnp.exp(log_weights), 0)
+        numbers = tuple(each - oversample * first for each, first in zip(place, start, strict=True))
+        # Points out of sight weigh nothing, wherever they are put.
+        chances = jnp.zeros((oversample * WINDOW,) * len(wide), weights.dtype).at[numbers].add(weights)
+
+        def put(part: Values) -> Values:
+            padded = jnp.zeros(tuple(count + 2 * reach for count in wide), part.dtype)
+            padded = jax.lax.dynamic_update_slice(padded, part, start)
+            return padded[tuple(slice(2 * reach, count) for count in wide)]
+
+        return put(_spread(chances, shares, reach, oversample)), put(_spread(chances, shares**2, reach, oversample))
+
+    return jax.lax.cond(jnp.all(jnp.stack(fits)), within, whole)
+
+
+def added(
+    means: Float[Array, "target *cells"], squares: Float[Array, "target *cells"], existence: Float[Array, " target"]
 ) -> tuple[Values, Values]:
     """Mean and variance of what targets put into every cell (the module's first equation).
 
     Parameters
     ----------
-    places, shares, reach, oversample : of the likelihood.
-    states, log_weights, existence : of the beliefs.
-    level, square : mean of each target's level, and of its square.
-    few : whether points are so few that each is spread out by itself.
+    means, squares : of what each puts there, if it exists.
+    existence : of the targets.
     """
-    nothing = jnp.zeros(tuple(count // oversample - 2 * reach for count in places.shape), log_weights.dtype)
-
-    def arrived(states: Any, log_weights: Array) -> tuple[Array, Array]:
-        if not few:
-            chances = on_places(places, states, log_weights)
-            return spread_out(chances, shares, reach, oversample), spread_out(chances, shares**2, reach, oversample)
-        weights = jnp.exp(log_weights)
-        cell, share, inside = reached(places, jnp.asarray(shares, weights.dtype), reach, oversample, states)
-        part = jnp.where(inside, weights * share, 0)
-        return nothing.at[cell].add(part), nothing.at[cell].add(part * share)
-
-    def more(sums: tuple[Array, Array], target: tuple[Any, ...]) -> tuple[tuple[Array, Array], None]:
-        states, log_weights, existence, level, square = target
-
-        def beside() -> tuple[Array, Array]:
-            share, squared = arrived(states, log_weights)
-            mean = existence * level * share
-            return sums[0] + mean, sums[1] + jnp.maximum(existence * square * squared - mean**2, 0)
-
-        return jax.lax.cond(existence > 0, beside, lambda: sums), None
-
-    targets = (states, log_weights, existence, level, square)
-    return jax.lax.scan(more, (nothing, nothing), targets)[0]
+    mean = jnp.tensordot(existence, means, axes=1)
+    variance = jnp.tensordot(existence, squares, axes=1) - jnp.tensordot(existence**2, means**2, axes=1)
+    return mean, jnp.maximum(variance, 0)
 
 
 def alike(cells: Cells, reach: int, states: Any, centres: Any) -> Bool[Array, "centre *points"]:

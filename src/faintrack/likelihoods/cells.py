@@ -42,6 +42,7 @@ from faintrack.likelihoods.cell_field import (
     means,
     powers,
     reached,
+    shared,
     with_gain,
 )
 from faintrack.likelihoods.cell_values import Draw, gaussian_value, rayleigh_value, swerling0_value, swerling1_value
@@ -385,41 +386,44 @@ class CellLikelihood(eqx.Module):
             told = scan.independent[cell] * told
         return jnp.sum(jnp.where(heard, told, 0), axis=0)
 
+    def part(
+        self, scan: CellScan, states: Any, log_weights: Float[Array, "*points"]
+    ) -> tuple[Float[Array, "*cells"], Float[Array, "*cells"]]:
+        """Mean of what a target puts into every cell and mean square, see `faintrack.likelihoods.cell_field`.
+
+        Raises
+        ------
+        InputError : the level is not the same for all cells.
+        """
+        if jnp.ndim(self.level):
+            raise InputError("cell likelihood: targets beside others need a level that is the same for all cells.")
+        mean, square = self.shared(states, log_weights)
+        return self.level * mean, self.level**2 * square
+
+    def shared(
+        self, states: Any, log_weights: Float[Array, "*points"]
+    ) -> tuple[Float[Array, "*cells"], Float[Array, "*cells"]]:
+        """As `part`, of a target of the level 1."""
+        geometry = self.places, self.shares, self.reach, self.oversample
+        return shared(*geometry, states, log_weights, self.few(states))
+
     def beside(
         self,
         scan: CellScan,
-        states: Any,
-        log_weights: Float[Array, "target *points"],
+        parts: tuple[Float[Array, "target *cells"], Float[Array, "target *cells"]],
         existence: Float[Array, " target"],
     ) -> CellScan:
         """Frame with other targets as part of its background, see `faintrack.likelihoods.cell_field`.
 
         Raises
         ------
-        InputError : the level is not the same for all cells, or nothing is known of how such values add.
+        InputError : nothing is known of how such values add.
         """
-        if jnp.ndim(self.level):
-            raise InputError("cell likelihood: targets beside others need a level that is the same for all cells.")
-        level = jnp.full(existence.shape, self.level, existence.dtype)
-        return self.explained(scan, states, log_weights, existence, level, level**2)
-
-    def explained(
-        self,
-        scan: CellScan,
-        states: Any,
-        log_weights: Float[Array, "target *points"],
-        existence: Float[Array, " target"],
-        level: Float[Array, " target"],
-        square: Float[Array, " target"],
-    ) -> CellScan:
-        """As `beside`, of targets whose levels have a mean and a mean square of their own."""
         rule = getattr(self.amplitude, "rule", RULES.get(self.amplitude))
         if rule is None:
             name = getattr(self.amplitude, "__name__", self.amplitude)
             raise InputError(f"amplitude {name}: it is not known how the values of several targets add.")
-        few, beliefs = self.few(_of_one(states)), (states, log_weights, existence, level, square)
-        mean, variance = added(self.places, self.shares, self.reach, self.oversample, *beliefs, few)
-        return with_gain(scan, *rule(scan.values, mean, variance))
+        return with_gain(scan, *rule(scan.values, *added(*parts, existence)))
 
     def alike(self, scan: CellScan, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
         """Whether targets reach the same cells."""
@@ -445,8 +449,3 @@ class CellLikelihood(eqx.Module):
         table = jax.lax.optimization_barrier(self.table(scan))
         place, inside = self.places.nearest(states)
         return jnp.where(inside, table[place], 0)
-
-
-def _of_one(states: Any) -> Any:
-    """States of the first of several targets."""
-    return jax.tree.map(lambda values: values[0], states)

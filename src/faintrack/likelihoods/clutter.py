@@ -24,10 +24,9 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.likelihoods.cell_field import added, alike, powers, with_gain
+from faintrack.likelihoods.cell_field import alike, on_places, powers, with_gain
 from faintrack.sensors.cells import Cells
 from faintrack.signal.clutter import ClutterScan, Level
 
@@ -103,21 +102,15 @@ class ClutterLikelihood(eqx.Module):
         ratio = lomax(scan.values, scan.level, target if scan.gain is None else target * scan.gain)
         return jnp.where(jnp.isnan(scan.values), 0, ratio)
 
-    def beside(
-        self,
-        scan: ClutterScan,
-        states: Any,
-        log_weights: Float[Array, "target *points"],
-        existence: Float[Array, " target"],
-    ) -> ClutterScan:
-        """Frame with other targets as part of its background: they raise the level of their cells.
+    def part(self, scan: ClutterScan, states: Any, log_weights: Float[Array, "*points"]) -> Float[Array, "*cells"]:
+        """Probability of a target to be in every cell."""
+        return on_places(self.cells, states, log_weights)
 
-        Parameters and result as of `faintrack.likelihoods.protocols.Beside.beside`.
-        """
-        one = jnp.ones(existence.shape, existence.dtype)
-        shares = np.ones((1,) * 2 * len(self.cells.axes))
-        chance, _ = added(self.cells, shares, 0, 1, states, log_weights, existence, one, one)
-        mean = chance * self.measure(scan.level, self.target)
+    def beside(
+        self, scan: ClutterScan, parts: Float[Array, "target *cells"], existence: Float[Array, " target"]
+    ) -> ClutterScan:
+        """Frame with other targets as part of its background: they raise the level of their cells."""
+        mean = jnp.tensordot(existence, parts, axes=1) * self.measure(scan.level, self.target)
         return with_gain(scan, *powers(scan.values, mean, mean))
 
     def alike(self, scan: ClutterScan, states: Any, centres: Any) -> Bool[Array, "centre *points"]:

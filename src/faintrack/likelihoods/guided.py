@@ -157,13 +157,21 @@ class Guided(eqx.Module):
 
         return means(arrays, ping)
 
-    def beside(
-        self,
-        ping: Ping,
-        states: Any,
-        log_weights: Float[Array, "target *cells"],
-        existence: Float[Array, " target"],
-    ) -> Ping:
+    def part(self, ping: Ping, states: Any, log_weights: Float[Array, "*cells"]) -> Float[Array, " return"]:
+        """Expected echoes of a target in the bin of every return, :math:`w(x_k, y_k) A_k` of `beside`."""
+        mesh, sonar = self.mesh, self.likelihood.sonar
+        pair = sonar.geometry(ping)
+        number = ping.bins[:, 0] * mesh.finer[0]
+        bearing = ping.bins[:, 1] * (2 * jnp.pi / sonar.beams)
+        x, y = pair.position(mesh.delay(number), bearing)
+        half = mesh.finer[0] / 2
+        area = mesh.finer[1] * (mesh.sector(pair, number + half, bearing) - mesh.sector(pair, number - half, bearing))
+        along_x, along_y = mesh.axes["x"], mesh.axes["y"]
+        places = [jnp.asarray(along_x.place(x)), jnp.asarray(along_y.place(y))]
+        density = self._positions(log_weights) / (along_x.step * along_y.step)
+        return area * jax.scipy.ndimage.map_coordinates(density, places, 1)
+
+    def beside(self, ping: Ping, parts: Float[Array, "target return"], existence: Float[Array, " target"]) -> Ping:
         r"""Ping whose returns count as much less as others may account for them.
 
         Notes
@@ -185,42 +193,27 @@ class Guided(eqx.Module):
         there the background is that of an echo of the power :math:`m = z_k h_{jk}`,
 
         .. math:: c_j \leftarrow c_j + \sum_k \log \left(1 - a_k + a_k \frac{e^{z_j m / (1 + m)}}{1 + m}\right).
-
-        Parameters and result as of
-        `faintrack.likelihoods.protocols.Beside.beside`.
         """
         gain = self.likelihood.snr / (1 + self.likelihood.snr)
-        crowding = self._crowding(ping, log_weights, existence)
+        crowding = self._crowding(ping, existence @ parts)
         power = jnp.maximum(ping.power - crowding / gain, self.likelihood.threshold)
         return dataclasses.replace(ping, power=jnp.where(ping.there, power, ping.power))
 
     def of_targets(
-        self, ping: Ping, log_weights: Float[Array, "target *cells"], existence: Float[Array, " target"]
+        self, ping: Ping, parts: Float[Array, "target return"], existence: Float[Array, " target"]
     ) -> Float[Array, " return"]:
         """Probability that each return is an echo of one of some targets, :math:`a_k` of `beside`.
 
         Parameters
         ----------
         ping : returns of one ping.
-        log_weights, existence : as of `beside`.
+        parts, existence : as of `beside`.
         """
-        return jnp.where(ping.there, -jnp.expm1(-self._crowding(ping, log_weights, existence)), 0)
+        return jnp.where(ping.there, -jnp.expm1(-self._crowding(ping, existence @ parts)), 0)
 
-    def _crowding(
-        self, ping: Ping, log_weights: Float[Array, "target *cells"], existence: Float[Array, " target"]
-    ) -> Float[Array, " return"]:
-        """What returns tell less beside targets, c of `beside`."""
-        mesh, likelihood = self.mesh, self.likelihood
-        pair = likelihood.sonar.geometry(ping)
-        number = ping.bins[:, 0] * mesh.finer[0]
-        bearing = ping.bins[:, 1] * (2 * jnp.pi / likelihood.sonar.beams)
-        x, y = pair.position(mesh.delay(number), bearing)
-        half = mesh.finer[0] / 2
-        area = mesh.finer[1] * (mesh.sector(pair, number + half, bearing) - mesh.sector(pair, number - half, bearing))
-        along_x, along_y = mesh.axes["x"], mesh.axes["y"]
-        density = self._positions(log_weights) * (existence / (along_x.step * along_y.step))[:, None, None]
-        places = [jnp.asarray(along_x.place(x)), jnp.asarray(along_y.place(y))]
-        chance = jnp.clip(area * jax.scipy.ndimage.map_coordinates(jnp.sum(density, axis=0), places, 1), 0, 1)
+    def _crowding(self, ping: Ping, expected: Float[Array, " return"]) -> Float[Array, " return"]:
+        """What returns tell less beside as many echoes as are expected, c of `beside`."""
+        likelihood, chance = self.likelihood, jnp.clip(expected, 0, 1)
         gain = likelihood.snr / (1 + likelihood.snr)
         echo = gain * ping.power - jnp.log1p(likelihood.snr)
         if ping.rate is not None:
@@ -243,12 +236,12 @@ class Guided(eqx.Module):
         echo = ping.power[:, None] * power / (1 + power) - jnp.log1p(power)
         return jnp.sum(jnp.logaddexp(jnp.log1p(-of_others), jnp.log(of_others) + echo), axis=1)
 
-    def _positions(self, log_weights: Float[Array, "target *cells"]) -> Float[Array, "target x y"]:
-        """Probability of every position cell, of each target."""
+    def _positions(self, log_weights: Float[Array, "*cells"]) -> Float[Array, "x y"]:
+        """Probability of every position cell."""
         names = self.mesh.grid.names
-        others = tuple(number + 1 for number, name in enumerate(names) if name not in ("x", "y"))
+        others = tuple(number for number, name in enumerate(names) if name not in ("x", "y"))
         weights = jnp.sum(jnp.exp(log_weights), axis=others)
-        return weights if names.index("x") < names.index("y") else weights.swapaxes(1, 2)
+        return weights if names.index("x") < names.index("y") else weights.T
 
     def alike(self, ping: Ping, states: Any, centres: Any) -> Bool[Array, "centre *cells"]:
         """Whether positions are as near each other as a cell and a beam tell."""

@@ -128,27 +128,25 @@ class Multistatic(eqx.Module):
         ]
         return sum(every[1:], start=every[0])
 
+    def part(
+        self, scan: Pings, states: Any, log_weights: Float[Array, "*cells"]
+    ) -> tuple[Float[Array, " return"], ...]:
+        """As of `Guided.part`, for every pair."""
+        return tuple(each.part(ping, states, log_weights) for each, ping in zip(self.guided, scan.pings, strict=True))
+
     def beside(
-        self,
-        scan: Pings,
-        states: Any,
-        log_weights: Float[Array, "target *cells"],
-        existence: Float[Array, " target"],
+        self, scan: Pings, parts: tuple[Float[Array, "target return"], ...], existence: Float[Array, " target"]
     ) -> Pings:
         """Pings whose returns count as much less as others may account for them, pair by pair as of `Guided.beside`."""
-        pings = tuple(
-            each.beside(ping, states, log_weights, existence)
-            for each, ping in zip(self.guided, scan.pings, strict=True)
-        )
-        return dataclasses.replace(scan, pings=pings)
+        every = zip(self.guided, scan.pings, parts, strict=True)
+        return dataclasses.replace(scan, pings=tuple(each.beside(ping, part, existence) for each, ping, part in every))
 
     def of_targets(
-        self, scan: Pings, log_weights: Float[Array, "target *cells"], existence: Float[Array, " target"]
+        self, scan: Pings, parts: tuple[Float[Array, "target return"], ...], existence: Float[Array, " target"]
     ) -> tuple[Float[Array, " return"], ...]:
         """Probability that each return is an echo of one of some targets, a pair each."""
-        return tuple(
-            each.of_targets(ping, log_weights, existence) for each, ping in zip(self.guided, scan.pings, strict=True)
-        )
+        every = zip(self.guided, scan.pings, parts, strict=True)
+        return tuple(each.of_targets(ping, part, existence) for each, ping, part in every)
 
     def alike(self, scan: Pings, states: Any, centres: Any) -> Bool[Array, "centre *cells"]:
         """Whether no pair that reports tells positions apart."""

@@ -9,7 +9,8 @@ state than without one? Three more may be asked of those that can answer.
   it has them drawn from the birth density.
 - `Simulating.simulate`: a scan drawn from the very model that the ratio evaluates.
 - `Beside.beside`: the scan as it is with other targets as part of its background. What is asked of it then is the ratio
-  for one target more. `alike` says which states a scan hardly tells apart.
+  for one target more. What each of them puts there, `part`, is worked out once and taken in with the existence that
+  the question is about. `alike` says which states a scan hardly tells apart.
 - `Zooming.zoomed`: what a scan says near a belief that is far narrower than all that may be asked.
 - `Preparing.prepared`: the scan with what several of these questions need worked out.
 - `Sighted.in_sight`: which states can be seen at all, by a target that is silent too.
@@ -17,12 +18,14 @@ state than without one? Three more may be asked of those that can answer.
 
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
+import jax
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.targets.target import Birth
 
 Scan = TypeVar("Scan")
 State = TypeVar("State")
+Part = TypeVar("Part")
 ScanRead = TypeVar("ScanRead", contravariant=True)
 StateRead = TypeVar("StateRead", contravariant=True)
 
@@ -54,22 +57,25 @@ class Proposing(Protocol[ScanRead, State]):
 
 
 @runtime_checkable
-class Beside(Protocol[Scan, StateRead]):
+class Beside(Protocol[Scan, StateRead, Part]):
     """Looks at scans of several targets."""
 
-    def beside(
-        self,
-        scan: Scan,
-        states: StateRead,
-        log_weights: Float[Array, "target *points"],
-        existence: Float[Array, " target"],
-    ) -> Scan:
+    def part(self, scan: Scan, states: StateRead, log_weights: Float[Array, "*points"]) -> Part:
+        """What a target puts into the background of a scan, if it is there.
+
+        Parameters
+        ----------
+        scan : without it.
+        states, log_weights : what is believed of it.
+        """
+
+    def beside(self, scan: Scan, parts: Part, existence: Float[Array, " target"]) -> Scan:
         """Scan with other targets as part of its background.
 
         Parameters
         ----------
         scan : with or without targets in its background already.
-        states, log_weights : what is believed of the others, a belief each.
+        parts : of the others, stacked.
         existence : probability that each is there; one with 0 adds nothing.
         """
 
@@ -130,6 +136,26 @@ class Simulating(Protocol[Scan, StateRead]):
         present : whether it is there; otherwise noise alone is drawn.
         key : random key.
         """
+
+
+def with_others(
+    likelihood: Any,
+    scan: Any,
+    states: Any,
+    log_weights: Float[Array, "target *points"],
+    existence: Float[Array, " target"],
+) -> Any:
+    """Scan with targets as part of its background.
+
+    Parameters
+    ----------
+    likelihood : of the scan; it has `part` and `beside`.
+    scan : with or without targets in its background already.
+    states, log_weights : what is believed of the targets, a belief each.
+    existence : probability that each is there.
+    """
+    part = jax.vmap(lambda states, log_weights: likelihood.part(scan, states, log_weights))
+    return likelihood.beside(scan, part(states, log_weights), existence)
 
 
 def log_ratios(likelihood: Likelihood | CellMeans, scan: Any, states: Any) -> Float[Array, "..."]:

@@ -112,11 +112,17 @@ class SuperposedLikelihood(eqx.Module):
         return levels @ (off - whitening @ (whitening.T @ off)) - (levels * levels @ usable - spoilt) / 2
 
     @full_precision
+    def part(
+        self, scan: SuperposedScan, states: Any, log_weights: Float[Array, " particle"]
+    ) -> tuple[Float[Array, " sensor"], Float[Array, "place sensor"]]:
+        """Mean of what a target adds to every reading, and columns of its covariance."""
+        return self._moments(states, jnp.exp(log_weights))
+
+    @full_precision
     def beside(
         self,
         scan: SuperposedScan,
-        states: Any,
-        log_weights: Float[Array, "target particle"],
+        parts: tuple[Float[Array, "target sensor"], Float[Array, "target place sensor"]],
         existence: Float[Array, " target"],
     ) -> SuperposedScan:
         """Scan with other targets as a part of its background (the module's equation).
@@ -124,8 +130,7 @@ class SuperposedLikelihood(eqx.Module):
         Parameters
         ----------
         scan : with a background of its own, which stays.
-        states : of the others; components of shape (target, particle).
-        log_weights : natural log of each particle's probability, if its target exists.
+        parts : of the others, see `part`.
         existence : probability of each; what does not exist adds nothing.
 
         Notes
@@ -133,7 +138,7 @@ class SuperposedLikelihood(eqx.Module):
         Check: the order of the others does not matter, nor whether they are added at once or one after the other; one
         that is certain to be at a place leaves the covariance as it is.
         """
-        means, explained = jax.vmap(self._moments)(states, jnp.exp(log_weights))
+        means, explained = parts
         doubt = jnp.sqrt(existence * (1 - existence))
         columns = jnp.concatenate(
             [jnp.sqrt(existence)[:, None, None] * explained, (doubt[:, None] * means)[:, None]], axis=1

@@ -61,43 +61,36 @@ class UnknownLevel(eqx.Module):
         levels = jnp.stack([jnp.asarray(part.level, scan.values.dtype) for part in self.parts])
         return jax.vmap(lambda level: dataclasses.replace(self.parts[0], level=level).around(scan, states))(levels)
 
-    def beside(
-        self,
-        scan: CellScan,
-        states: Any,
-        log_weights: Float[Array, "target *points"],
-        existence: Float[Array, " target"],
-    ) -> CellScan:
-        r"""Frame with other targets as part of its background, each of the level that the frame says it has.
+    def part(
+        self, scan: CellScan, states: Any, log_weights: Float[Array, "*points"]
+    ) -> tuple[Float[Array, "*cells"], Float[Array, "*cells"]]:
+        r"""Mean of what a target puts into every cell and mean square, of the level that the frame says it has.
 
         Notes
         -----
-        The levels of a target are weighed by :math:`\sum_i w_i \ell(z | x_i, u_k)`, of which their mean and mean
-        square are taken (`faintrack.likelihoods.cell_field`).
+        The levels are weighed by :math:`\sum_i w_i \ell(z | x_i, u_k)`, of which their mean and mean square are taken
+        (`faintrack.likelihoods.cell_field`).
         """
-        levels = jnp.stack([jnp.asarray(part.level, existence.dtype) for part in self.parts])
-        some = jnp.any(existence > 0)
-        nothing = jnp.zeros(self.parts[0].places.shape, scan.values.dtype)
-        few = self.parts[0].few(jax.tree.map(lambda values: values[0], states))
-        tables = [jax.lax.cond(some, part.table, lambda scan: nothing, scan) for part in self.parts if not few]
+        first = self.parts[0]
+        levels = jnp.stack([jnp.asarray(part.level, scan.values.dtype) for part in self.parts])
+        if first.few(states):
+            ratios = self.around(scan, states)
+        else:
+            place, inside = first.places.nearest(states)
+            tables = [jax.lax.optimization_barrier(part.table(scan)) for part in self.parts]
+            ratios = jnp.stack([jnp.where(inside, table[place], 0) for table in tables])
+        chance = jax.nn.softmax(jax.nn.logsumexp(log_weights + ratios, axis=tuple(range(1, ratios.ndim))))
+        mean, square = first.shared(states, log_weights)
+        return (chance @ levels) * mean, (chance @ levels**2) * square
 
-        def weighed(target: tuple[Any, Array, Array]) -> Float[Array, " level"]:
-            states, log_weights, existence = target
-
-            def evidence() -> Float[Array, " level"]:
-                if few:
-                    ratios = self.around(scan, states)
-                else:
-                    place, inside = self.parts[0].places.nearest(states)
-                    ratios = jnp.stack([jnp.where(inside, table[place], 0) for table in tables])
-                axes = tuple(range(1, ratios.ndim))
-                return jax.nn.softmax(jax.nn.logsumexp(log_weights + ratios, axis=axes))
-
-            return jax.lax.cond(existence > 0, evidence, lambda: jnp.full_like(levels, 1 / len(levels)))
-
-        shares = jax.lax.map(weighed, (states, log_weights, existence))
-        mean, square = shares @ levels, shares @ levels**2
-        return self.parts[0].explained(scan, states, log_weights, existence, mean, square)
+    def beside(
+        self,
+        scan: CellScan,
+        parts: tuple[Float[Array, "target *cells"], Float[Array, "target *cells"]],
+        existence: Float[Array, " target"],
+    ) -> CellScan:
+        """Frame with other targets as part of its background."""
+        return self.parts[0].beside(scan, parts, existence)
 
     def alike(self, scan: CellScan, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
         """Whether targets reach the same cells."""

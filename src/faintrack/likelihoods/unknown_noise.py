@@ -34,6 +34,7 @@ Under a taper neighbouring bins and snapshots say the same in part; the logarith
 is independent.
 """
 
+import dataclasses
 import math
 
 import equinox as eqx
@@ -43,11 +44,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from faintrack.likelihoods.array_field import (
+    Sources,
     alike,
     beams_beside,
     beside,
     directions_beside,
-    sources_of,
+    source_of,
     steered,
     with_beams,
 )
@@ -225,16 +227,14 @@ class UnknownNoise(eqx.Module):
         rings = table.reshape(self.grid.rings, self.grid.beams, -1)
         return read_space(rings, elevation_neighbours(self.grid, states.elevation), of_bearing, inside)
 
-    def beside(
-        self,
-        scan: BeamScan,
-        states: BearingState | WaveState,
-        log_weights: Float[Array, "source point"],
-        existence: Float[Array, " source"],
-    ) -> BeamScan:
+    def part(self, scan: BeamScan, states: BearingState | WaveState, log_weights: Float[Array, " point"]) -> Sources:
+        """A source, see `faintrack.likelihoods.array_field`."""
+        return source_of(states, log_weights)
+
+    def beside(self, scan: BeamScan, parts: Sources, existence: Float[Array, " source"]) -> BeamScan:
         """Scan with other sources as part of its background, see `faintrack.likelihoods.array_field`."""
         assert self.beamformer is not None
-        return beside(self.beamformer, scan, sources_of(states, log_weights, existence))
+        return beside(self.beamformer, scan, dataclasses.replace(parts, existence=existence))
 
     def prepared(self, scan: BeamScan) -> BeamScan:
         """Scan with what is asked of its beams again and again worked out."""
@@ -251,24 +251,23 @@ class UnknownNoise(eqx.Module):
         """What a scan says near a belief, in directions of its own."""
         assert scan.spectra is not None, "a scan that is looked at closely has its spectra"
         assert self.grid.array is not None, "an array that is looked at closely is known"
-        alone = jax.tree.map(lambda values: values[None], states)
-        believed = sources_of(alone, log_weights[None], jnp.ones(1))
+        believed = source_of(states, log_weights)
         dtype = scan.total_power.dtype
-        reach = REACH * jnp.maximum(believed.deviation[0], NARROWEST)
+        reach = REACH * jnp.maximum(believed.deviation, NARROWEST)
         offsets = jnp.linspace(-1, 1, DIRECTIONS, dtype=dtype)
-        middle_db = 10 * jnp.log10(believed.snr[0])
+        middle_db = 10 * jnp.log10(believed.snr)
         weights = jnp.exp(log_weights)
         deviation_db = jnp.sqrt(jnp.sum(weights * (states.snr_db - middle_db) ** 2))
         reach_db = REACH * jnp.maximum(deviation_db, 0.5)
         snr_db = jnp.clip(middle_db + reach_db * jnp.linspace(-1, 1, LEVELS, dtype=dtype), *self.snr_db)
-        frequency, middle = jnp.asarray(self.grid.frequency, dtype), believed.bearing[0]
+        frequency, middle = jnp.asarray(self.grid.frequency, dtype), believed.bearing
         if believed.elevation is None or believed.elevation_deviation is None:
             vectors, _ = steered(self.grid.array, frequency, middle + reach * offsets)
             return Zoomed(
                 middle, reach, middle_db, reach_db, self._beside(scan, snr_db, *directions_beside(vectors, scan))
             )
-        elevation = believed.elevation[0]
-        reach_up = REACH * jnp.maximum(believed.elevation_deviation[0], NARROWEST)
+        elevation = believed.elevation
+        reach_up = REACH * jnp.maximum(believed.elevation_deviation, NARROWEST)
         offsets = jnp.linspace(-1, 1, ACROSS, dtype=dtype)
         around = jnp.tile(middle + reach * offsets, ACROSS), jnp.repeat(elevation + reach_up * offsets, ACROSS)
         vectors, _ = steered(self.grid.array, frequency, *around)

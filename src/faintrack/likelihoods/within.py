@@ -49,11 +49,13 @@ class Within(eqx.Module):
         """What sight alone says of states, also of a target that is silent: 0, or `REFUTED` out of it."""
         return jnp.where(self.cells.nearest(states)[1], 0.0, REFUTED)
 
-    def beside(
-        self, scan: Any, states: Any, log_weights: Float[Array, "target *points"], existence: Float[Array, " target"]
-    ) -> Any:
+    def part(self, scan: Any, states: Any, log_weights: Float[Array, "*points"]) -> Any:
+        """What a target puts into the background of a scan, as the likelihood has it."""
+        return self.likelihood.part(scan, states, log_weights)
+
+    def beside(self, scan: Any, parts: Any, existence: Float[Array, " target"]) -> Any:
         """Scan as the likelihood has it with other targets as part of its background."""
-        return self.likelihood.beside(scan, states, log_weights, existence)
+        return self.likelihood.beside(scan, parts, existence)
 
     def alike(self, scan: Any, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
         """Whether targets are one to the sensor, as the likelihood has it."""

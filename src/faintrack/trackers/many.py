@@ -33,6 +33,7 @@ from faintrack.filters.tempered import tempered
 from faintrack.likelihoods.protocols import Preparing, Proposing, Sighted, Zooming, log_ratios
 from faintrack.numerics.draws import uniform
 from faintrack.numerics.resampling import systematic
+from faintrack.numerics.traced import traced
 from faintrack.targets.silence import Silence
 
 CANDIDATES = 32
@@ -127,6 +128,7 @@ class Found(eqx.Module):
     Attributes
     ----------
     sought, hand, labels : as of `Seeking`.
+    parts : of each target in hand in the scan's background.
     unread : slots whose target has not taken in the scan.
     log_evidence : of the scan, for the belief that seeks.
     full : a target was found, and there was no free slot.
@@ -134,6 +136,7 @@ class Found(eqx.Module):
 
     sought: Belief
     hand: Hand
+    parts: Any
     unread: Bool[Array, " slot"]
     labels: Int[Array, ""]
     log_evidence: Float[Array, ""]
@@ -208,7 +211,9 @@ class ManyTargetsTracker(eqx.Module):
         for_motion, for_hand, for_sought, for_taking = jax.random.split(key, 4)
         hand = self._carried(seeking.hand, scan, for_motion)
         none = jnp.zeros_like(seeking.sought.log_odds)
-        start = Found(seeking.sought, hand, hand.active, seeking.labels, none, jnp.array(False))
+        part, nothing = self._part(scan, hand)
+        parts = _over(hand.active, part, lambda belief: nothing, hand.beliefs)
+        start = Found(seeking.sought, hand, parts, hand.active, seeking.labels, none, jnp.array(False))
 
         def unfinished(carried: tuple[Found, Array]) -> Array:
             found, number = carried
@@ -216,13 +221,20 @@ class ManyTargetsTracker(eqx.Module):
 
         def look(carried: tuple[Found, Array]) -> tuple[Found, Array]:
             found, number = carried
-            hand = self._updated(found.hand, found.unread, scan, jax.random.fold_in(for_hand, number))
+            hand = self._updated(found.hand, found.parts, found.unread, scan, jax.random.fold_in(for_hand, number))
+            parts = _over(
+                found.unread,
+                lambda belief, before: part(belief),
+                lambda belief, before: before,
+                hand.beliefs,
+                found.parts,
+            )
             new = hand.label > seeking.labels
-            beside = self._prepared(self.beside(scan, hand))
+            beside = self._prepared(self._of_hand.beside(scan, parts, hand.observable_existence))
             predicted, near = self._sought(seeking.sought, hand, new, beside, for_sought)
             log_ratio = log_ratios(self.likelihood, beside, predicted.states)
             sought, log_evidence = update(predicted, jnp.where(near, 0, log_ratio))
-            found = Found(sought, hand, jnp.zeros_like(new), found.labels, log_evidence, found.full)
+            found = Found(sought, hand, parts, jnp.zeros_like(new), found.labels, log_evidence, found.full)
             key = jax.random.fold_in(for_taking, number)
             return self._taken(found, predicted, number < AT_ONCE, beside, key), number + 1
 
@@ -236,17 +248,23 @@ class ManyTargetsTracker(eqx.Module):
         """Take in a stack of scans in one compiled loop; the estimates are stacked."""
         return jax.lax.scan(lambda carry, scan: self.step(carry, scan, key), seeking, scans)
 
-    def beside(self, scan: Any, hand: Hand, existence: Float[Array, " slot"] | None = None) -> Any:
-        """Scan with targets in hand as part of its background, with the probability that each is observable.
+    def beside(self, scan: Any, hand: Hand) -> Any:
+        """Scan with targets in hand as part of its background, with the probability that each is observable."""
+        return self._of_hand.beside(scan, self.parts(scan, hand), hand.observable_existence)
 
-        Parameters
-        ----------
-        scan : of the sensor.
-        hand : targets.
-        existence : in place of their own.
-        """
-        existence = hand.observable_existence if existence is None else existence
-        return self._of_hand.beside(scan, hand.beliefs.states, hand.beliefs.log_weights, existence)
+    def parts(self, scan: Any, hand: Hand) -> Any:
+        """What every target in hand puts into the background of a scan; zeros of a free slot."""
+        part, nothing = self._part(scan, hand)
+        return _over(hand.active, part, lambda belief: nothing, hand.beliefs)
+
+    def _part(self, scan: Any, hand: Hand) -> tuple[Callable[[Belief], Any], Any]:
+        """Function of a belief to its part of a scan's background, and such a part of zeros."""
+
+        def of_one(belief: Belief) -> Any:
+            return self._of_hand.part(scan, belief.states, belief.log_weights)
+
+        part, shapes = traced(of_one, _of_slot(hand.beliefs, 0))
+        return part, jax.tree.map(lambda shape: jnp.zeros(shape.shape, shape.dtype), shapes)
 
     @property
     def _of_hand(self) -> Any:
@@ -274,13 +292,13 @@ class ManyTargetsTracker(eqx.Module):
         beliefs, observable = _over(hand.active, carried, still, hand.beliefs, hand.observable, keys)
         return Hand(beliefs, observable, hand.label)
 
-    def _updated(self, hand: Hand, unread: Bool[Array, " slot"], scan: Any, key: PRNGKeyArray) -> Hand:
+    def _updated(self, hand: Hand, parts: Any, unread: Bool[Array, " slot"], scan: Any, key: PRNGKeyArray) -> Hand:
         """Targets in hand after a scan, those that have not taken it in yet."""
         number, expected = jnp.arange(self.targets), hand.observable_existence
 
         def updated(belief: Belief, observable: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             others = jnp.where(number == slot, 0, expected)
-            return self._observed(belief, observable, self.beside(scan, hand, others), key)
+            return self._observed(belief, observable, self._of_hand.beside(scan, parts, others), key)
 
         def as_it_is(belief: Belief, observable: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             return belief, observable
@@ -359,7 +377,7 @@ class ManyTargetsTracker(eqx.Module):
             )
             held = Hand(beliefs, jnp.where(mine, jnp.inf, hand.observable), jnp.where(mine, labels + 1, hand.label))
             full = found.full | (sure & ~taken)
-            return Found(sought, held, mine, labels + taken, found.log_evidence, full)
+            return Found(sought, held, found.parts, mine, labels + taken, found.log_evidence, full)
 
         return jax.lax.cond(sought.existence >= self.declare, look, lambda: found)
 

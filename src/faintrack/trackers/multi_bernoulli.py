@@ -22,6 +22,7 @@ A likelihood needs `log_ratio`, `beside` and `propose`, such as `faintrack.likel
 """
 
 import dataclasses
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -31,6 +32,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief, covariance, mean, update
 from faintrack.beliefs.components import components
+from faintrack.likelihoods.protocols import with_others
 from faintrack.numerics.draws import normal
 from faintrack.numerics.precision import full_precision
 from faintrack.numerics.resampling import systematic
@@ -133,7 +135,7 @@ class MultiBernoulliTracker(eqx.Module):
 
     def _newborn(self, others: Beliefs, scan: Any, interval: Float[Array, ""], key: PRNGKeyArray) -> Belief:
         """Belief of a target that has just appeared, before the scan but drawn where that points."""
-        beside = self.likelihood.beside(scan, others.states, others.log_weights, others.existence)
+        beside = with_others(self.likelihood, scan, others.states, others.log_weights, others.existence)
         states, log_weights = self.likelihood.propose(beside, self.target.birth, key, self.particles)
         log_odds = odds_of(self.target.forecast(jnp.full_like(others.log_odds[0], -jnp.inf), interval).appeared)
         # Weights as they are: their mean is 1, of which draws that lie close together say little.
@@ -144,12 +146,14 @@ class MultiBernoulliTracker(eqx.Module):
     ) -> tuple[Beliefs, Belief, Float[Array, " slot"]]:
         """The newborn after the scan, beside those in hand, and every target in hand, beside the others and it."""
 
+        parts = jax.vmap(partial(self.likelihood.part, scan))(predicted.states, predicted.log_weights)
+
         def beside(scan: Any, existence: Float[Array, " slot"]) -> Any:
-            return self.likelihood.beside(scan, predicted.states, predicted.log_weights, existence)
+            return self.likelihood.beside(scan, parts, existence)
 
         appeared = update(newborn, self.likelihood.log_ratio(beside(scan, existence), newborn.states))[0]
         states = jax.tree.map(lambda component: component[None], appeared.states)
-        scan = self.likelihood.beside(scan, states, appeared.log_weights[None], appeared.existence[None])
+        scan = with_others(self.likelihood, scan, states, appeared.log_weights[None], appeared.existence[None])
         others = jnp.where(jnp.eye(self.slots, dtype=bool), 0, existence)
 
         def of_one(belief: Belief, others: Float[Array, " slot"]) -> Belief:

@@ -15,7 +15,7 @@ import xarray as xr
 from jaxtyping import Array, PRNGKeyArray
 
 from faintrack.data.sequence import Sequence
-from faintrack.errors import naming
+from faintrack.errors import InputError, naming
 from faintrack.kinds.clean import CleanFrames
 from faintrack.kinds.frames.build import (
     TAILS,
@@ -116,7 +116,11 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
     cells, images = Cells(sequence.axes), len(sequence.axes) > 1
     snapshots = snapshots_of(sequence.length if images else 0)
     power = holds_power(scenario, sequence)
-    first = jnp.asarray(CleanFrames(sequence, power, NEGATIVE).read(0, 1)[0][0])
+    if scenario.cells.dark and power:
+        raise InputError("cells.dark: values are a power or an envelope, which targets raise; expected no dark ones.")
+    # A dark target is a bright one where all values change their sign.
+    sign = np.float32(-1 if scenario.cells.dark else 1)
+    first = jnp.asarray(sign * CleanFrames(sequence, power, NEGATIVE).read(0, 1)[0][0])
     clean = CleanFrames(sequence, power, NEGATIVE)
     surfaces = jnp.full((len(snapshots), *cells.shape), -jnp.inf, jnp.float32)
 
@@ -125,7 +129,7 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         frames, missing = clean.read(start, stop)
         # From the first frame: single precision resolves no day in frames of a video.
         times = (sequence.times[start:stop] - sequence.times[0]).astype(np.float32)
-        return times, frames, missing, slots_of(np.arange(start, stop), snapshots)
+        return times, sign * frames, missing, slots_of(np.arange(start, stop), snapshots)
 
     def rows(start: int, block: Any, outputs: Any) -> xr.Dataset:
         estimates, pictures = outputs

@@ -50,12 +50,14 @@ class CellsSection(Section):
         "gaussian" and "student", otherwise power over the power of noise or clutter; linear.
     width : of the target's spread, see `faintrack.likelihoods.cells.gaussian_spread`; cells; 0 where it is all in one
         cell. Where not given, 0.55 after whitening and 0 otherwise.
+    dark : targets are darker than what is behind them, and lower the values of their cells; "gaussian" and "student".
     """
 
     amplitude: Literal["gaussian", "student", "swerling0", "swerling1", "rayleigh"] | None = None
     noise: float = Field(default=1.0, gt=0)
     levels: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(strict=False, min_length=1)] | None = None
     width: float | None = Field(default=None, ge=0, le=10)
+    dark: bool = False
 
 
 class MovingTargetSection(TargetSection):

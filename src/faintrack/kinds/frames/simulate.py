@@ -84,6 +84,7 @@ def _drawn(scenario: FramesScenario, targets: tuple[SimulatedTargetSection, ...]
                 f"expected {len(axes)}, along {' and '.join(names)}."
             )
     draw = CellLikelihood(cells, amplitude, 1.0).draw
+    sign = -1 if scenario.cells.dark else 1
     raised = SCENE if kind == "whiten" else 0.0
 
     def frame(number: int) -> np.ndarray:
@@ -100,7 +101,7 @@ def _drawn(scenario: FramesScenario, targets: tuple[SimulatedTargetSection, ...]
                 still = {field.name: jnp.zeros(()) for field in fields(state) if field.name not in places}
                 level = level + likelihood.levels(state(**places, **still))
         key = jax.random.fold_in(jax.random.key(seed), number)
-        return np.asarray(scenario.cells.noise * (draw(key, level) + raised), np.float32)
+        return np.asarray(scenario.cells.noise * (sign * draw(key, level) + raised), np.float32)
 
     def read(start: int, stop: int) -> np.ndarray:
         return np.stack([frame(number) for number in range(start, min(stop, table.frames))])

@@ -91,7 +91,8 @@ class ReturnsStep(eqx.Module):
             tracker: Any = self.tracker
             following, estimate = tracker.step(following, read.ping, key)
             hand = following.hand
-            of_targets = tracker.likelihood.of_targets(read.ping, hand.beliefs.log_weights, hand.observable_existence)
+            parts = tracker.parts(read.ping, hand)
+            of_targets = tracker.likelihood.of_targets(read.ping, parts, hand.observable_existence)
             memory = background.learn(memory, ping, read, of_targets)
             fit = fit_of_scan(read.ping, self.threshold, read.expected, read.shape)
         belief = following.belief
