@@ -152,7 +152,7 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
         read=read,
         rows=rows,
         length=sequence.length,
-        size=int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, min(LONGEST_BLOCK, sequence.length))),
+        size=int(np.clip(BLOCK_BYTES // (4 * cells.size), 1, LONGEST_BLOCK)),
         seed=scenario.filter.seed,
         remarks=lambda: (*clean.remarks(), *(said for seen in fit for said in seen.remarks())),
         misfits=lambda: tuple(said for seen in fit for said in seen.misfits(expected)),

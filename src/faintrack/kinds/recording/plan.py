@@ -173,7 +173,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         read=read,
         rows=rows,
         length=count,
-        size=int(np.clip(BLOCK_BYTES // frame_bytes, 1, min(LONGEST_BLOCK, count))),
+        size=int(np.clip(BLOCK_BYTES // frame_bytes, 1, LONGEST_BLOCK)),
         seed=scenario.filter.seed,
         checks=(
             *recording.remarks,

@@ -111,7 +111,7 @@ def plan(sweeps: Sweeps, scenario: SweepsScenario) -> Plan:
         read=read,
         rows=rows,
         length=sweeps.length,
-        size=int(np.clip(BLOCK_BYTES // size, 1, min(32, sweeps.length))),
+        size=int(np.clip(BLOCK_BYTES // size, 1, 32)),
         seed=0,
         within=4 * scenario.echo.along * sweeps.spacing,
         limits=None if sweeps.x is not None else {name: (-reach, reach) for name in ("x", "y")},
