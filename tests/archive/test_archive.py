@@ -4,9 +4,10 @@ import json
 import os
 import shutil
 import signal
-import struct
-from collections.abc import Iterator
-from contextlib import nullcontext
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,29 @@ pytest.importorskip("pyarrow")
 import pandas as pd
 
 from faintrack.archive import run as running
-from faintrack.archive import samples
 from faintrack.archive.cut import Cut
-from faintrack.archive.report import write_report
+from faintrack.archive.plan import ArchivePlan
 from faintrack.archive.run import retry, run
 from faintrack.archive.status import Status, status
-from faintrack.archive.store import opened, writing
+from faintrack.archive.store import writing
 from faintrack.errors import InputError
-from faintrack.io.write_recordings import write_recording
 from faintrack.studies.running import connect
-from tests.archive.small import BEGIN, CUT, FILE, PATTERN, RATE, SECONDS, file_at, make
+from tests.archive.small import BEGIN, CUT, PATTERN, SCENARIO, SECONDS, file_at, make
 from tests.cli.calling import call
+
+ROOT = Path(__file__).parents[2]
+COARSE = Cut(2 * CUT.segment, CUT.chain, CUT.burn_in)
+SPOILT = 80.0
+"""When the file begins that tests spoil; seconds from the start."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _without_pictures() -> Iterator[None]:
+    """Segments without the picture of their report and the checks of the array, which take longer than the rest."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("faintrack.kinds.recording.plan.about_array", lambda *arguments: ())
+        patch.setattr("faintrack.results.report._picture", lambda result: "data:,")
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -44,15 +57,19 @@ def whole(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def copy(recordings: Path, tmp_path: Path) -> Path:
-    """Recordings that a test may spoil."""
-    return Path(shutil.copytree(recordings, tmp_path / "copy"))
+def north(recordings: Path, tmp_path: Path) -> Path:
+    """Recordings of one station, which a test may spoil."""
+    return Path(shutil.copytree(recordings, tmp_path / "north", ignore=shutil.ignore_patterns("south")))
 
 
 @pytest.fixture(scope="module")
-def client() -> Iterator[Any]:
-    with connect(workers=2) as client:
-        yield client
+def lacking(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """What comes of one station of which a file was never there."""
+    folder = tmp_path_factory.mktemp("archive")
+    copy = shutil.copytree(recordings, folder / "north", ignore=shutil.ignore_patterns("south"))
+    file_at(copy, "north", SPOILT).unlink()
+    track(copy, folder / "store", COARSE)
+    return bits(folder / "store")
 
 
 def track(recordings: Path, store: Path, cut: Cut = CUT, **options: Any) -> Status:
@@ -60,10 +77,10 @@ def track(recordings: Path, store: Path, cut: Cut = CUT, **options: Any) -> Stat
     return run(recordings / "scenario.toml", [recordings], store, pattern=PATTERN, cut=cut, **options)
 
 
-def states(store: Path) -> pd.DataFrame:
-    """All states by station, track and time; the column `day` and labels within a chain are those of a cut."""
-    table = pd.read_parquet(store / "states").drop(columns=["day", "label"])
-    return table.sort_values(["station", "track", "utc"], ignore_index=True)
+def states(store: Path, station: str) -> pd.DataFrame:
+    """States of a station by track and time; labels count within a chain."""
+    table = pd.read_parquet(store / "states" / f"station={station}").drop(columns=["day", "label"])
+    return table.sort_values(["track", "utc"], ignore_index=True)
 
 
 def bits(store: Path) -> dict[str, bytes]:
@@ -72,6 +89,10 @@ def bits(store: Path) -> dict[str, bytes]:
     kept += [*store.glob("states/*/*/*.parquet"), *store.glob("tracks/*/*/*.parquet")]
     assert kept
     return {str(file.relative_to(store)): file.read_bytes() for file in kept}
+
+
+def of_station(kept: dict[str, bytes], station: str) -> dict[str, bytes]:
+    return {name: content for name, content in kept.items() if station in name}
 
 
 def test_tracks_are_those_of_the_sources(whole: Path) -> None:
@@ -91,26 +112,202 @@ def test_tracks_are_those_of_the_sources(whole: Path) -> None:
         assert mine["end"].min() < pd.Timestamp(BEGIN, tz="UTC") + pd.Timedelta(seconds=170 + 15)
 
 
-@pytest.mark.parametrize("segment", [10, 15, 24, 40, 120])
-def test_segments_of_any_length_give_the_same_bits(
-    recordings: Path, whole: Path, tmp_path: Path, segment: float
-) -> None:
+@pytest.mark.parametrize("segment", [10, 24, 120, *(pytest.param(one, marks=pytest.mark.slow) for one in (15, 40, 60))])
+def test_segments_of_any_length_give_the_same_bits(north: Path, whole: Path, tmp_path: Path, segment: float) -> None:
     store = tmp_path / "store"
-    track(recordings, store, Cut(segment, CUT.chain, CUT.burn_in))
-    pd.testing.assert_frame_equal(states(store), states(whole), check_exact=True)
+    track(north, store, Cut(segment, CUT.chain, CUT.burn_in))
+    expected = states(whole, "north")
+    pd.testing.assert_frame_equal(states(store, "north"), expected, check_exact=True)
 
 
-@pytest.mark.parametrize("chain", [60, 240, 480])
+@pytest.mark.parametrize(
+    ("segment", "chain", "burn_in"),
+    [
+        (60, 60, 30),
+        (80, 240, 30),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((30, 60, 45), (60, 480, 30))),
+    ],
+)
 def test_chains_of_any_length_give_the_same_tracks(
-    recordings: Path, whole: Path, tmp_path: Path, chain: float
+    north: Path, whole: Path, tmp_path: Path, segment: float, chain: float, burn_in: float
 ) -> None:
     """After joining: the same names; where a state differs, within what the sensor tells apart."""
     store = tmp_path / "store"
-    track(recordings, store, Cut(30, chain, 30))
-    one, other = states(whole), states(store)
+    track(north, store, Cut(segment, chain, burn_in))
+    one, other = states(whole, "north"), states(store, "north")
     assert set(one["track"]) == set(other["track"])
-    both = one.merge(other, on=["station", "track", "utc"])
+    both = one.merge(other, on=["track", "utc"])
     # A track that fades may end a few scans apart.
     assert len(both) >= 0.97 * max(len(one), len(other))
     apart = (both["bearing_deg_x"] - both["bearing_deg_y"]).abs()
     assert float(apart.max()) < json.loads(next(store.glob("segments/*/*/segment.json")).read_text())["within"]
+
+
+def test_a_worker_that_is_killed_costs_its_segment(
+    north: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bits are those of one worker that nothing happens to; in this process sums are rounded otherwise."""
+    with connect(workers=1) as client:
+        track(north, tmp_path / "alone", COARSE, workers=None, scheduler=client.scheduler.address)
+    taken, killed = running._take, []
+    with connect(workers=2) as client:
+
+        def take(*arguments: Any) -> None:
+            taken(*arguments)
+            if not killed:
+                killed.append(next(iter(client.run(os.getpid).values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        monkeypatch.setattr(running, "_take", take)
+        found = track(north, tmp_path / "killed", COARSE, workers=None, scheduler=client.scheduler.address)
+    assert found.whole
+    assert killed
+    assert bits(tmp_path / "killed") == bits(tmp_path / "alone")
+    assert set(states(tmp_path / "killed", "north")["track"]) == set(states(whole, "north")["track"])
+
+
+@pytest.mark.parametrize("segments", [2, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 5, 9))])
+def test_a_run_that_was_killed_goes_on_with_the_same_bits(
+    recordings: Path, whole: Path, tmp_path: Path, segments: int
+) -> None:
+    store = tmp_path / "store"
+    cut = ("--segment", CUT.segment, "--chain", CUT.chain, "--burn-in", CUT.burn_in)
+    words = ("archive", "run", recordings / "scenario.toml", recordings, "--out", store, "--pattern", PATTERN, *cut)
+    command = [sys.executable, "-m", "faintrack.cli", *map(str, (*words, "--workers", 0))]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 300
+    while len(list(store.glob("segments/*/*/segment.json"))) < segments and time.monotonic() < end:
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    before = status(store)
+    assert not before.whole
+    assert not before.running
+    assert track(recordings, store).whole
+    assert bits(store) == bits(whole)
+
+
+def test_tomorrow_s_files_are_added(north: Path, whole: Path, tmp_path: Path) -> None:
+    """Also where the run of the next day is shown the new files alone."""
+    store, later = tmp_path / "store", tmp_path / "later" / "north"
+    later.mkdir(parents=True)
+    for seconds in range(160, SECONDS, 20):
+        file_at(north, "north", seconds).rename(later / file_at(north, "north", seconds).name)
+    first = track(north, store)
+    assert first.whole
+    assert first.stations[0].segments < status(whole).stations[0].segments
+    run(north / "scenario.toml", [later.parent], store, pattern=PATTERN, workers=0)
+    assert bits(store) == of_station(bits(whole), "north")
+
+
+def test_a_run_on_a_whole_store_computes_nothing(
+    recordings: Path, whole: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "compute", None)
+    before = bits(whole)
+    assert track(recordings, whole).whole
+    assert bits(whole) == before
+
+
+def truncate(file: Path) -> None:
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 2])
+
+
+def touch(file: Path) -> None:
+    os.utime(file, ns=(1, 1))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "planned_before", "why"),
+    [
+        (truncate, False, "promises"),
+        (Path.unlink, True, "vanished"),
+        (touch, True, "changed"),
+    ],
+)
+def test_a_file_that_goes_bad_is_told_and_left_out(
+    north: Path,
+    lacking: dict[str, bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    spoil: Callable[[Path], None],
+    planned_before: bool,
+    why: str,
+) -> None:
+    """What comes out is what comes of an archive in which it never was."""
+    bad, store = file_at(north, "north", SPOILT), tmp_path / "store"
+    planned = running.planned
+
+    def then_spoil(*arguments: Any, **options: Any) -> ArchivePlan:
+        plan = planned(*arguments, **options)
+        if bad.exists():
+            spoil(bad)
+        return plan
+
+    if planned_before:
+        monkeypatch.setattr(running, "planned", then_spoil)
+    else:
+        spoil(bad)
+    said: list[str] = []
+    found = track(north, store, COARSE, tell=said.append)
+    assert found.whole
+    assert list(found.left_out) == [str(bad)]
+    assert why in found.left_out[str(bad)]
+    assert len(said) == 1
+    assert bits(store) == lacking
+
+
+def test_a_file_is_looked_at_again_where_that_is_asked_for(
+    recordings: Path, north: Path, whole: Path, tmp_path: Path
+) -> None:
+    bad, store = file_at(north, "north", SPOILT), tmp_path / "store"
+    truncate(bad)
+    track(north, store, COARSE)
+    shutil.copy2(file_at(recordings, "north", SPOILT), bad)
+    found = retry(store, workers=0)
+    assert found.whole
+    assert not found.left_out
+    pd.testing.assert_frame_equal(states(store, "north"), states(whole, "north"), check_exact=True)
+
+
+def test_two_runs_on_one_store(recordings: Path, whole: Path) -> None:
+    with writing(whole):
+        assert status(whole).running
+        with pytest.raises(InputError, match="in use by another run"):
+            track(recordings, whole)
+
+
+def test_a_store_is_of_one_scenario_and_one_cut(recordings: Path, whole: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is cut as"):
+        track(recordings, whole, Cut(10, 120, 30))
+    with pytest.raises(InputError, match="another scenario"):
+        run(SCENARIO | {"tracker": {"declare": 0.9}}, [recordings], whole, pattern=PATTERN, workers=0)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "file").touch()
+    with pytest.raises(InputError, match=r"holds file and no archive\.json"):
+        track(recordings, tmp_path / "other")
+
+
+def test_command_line_from_plan_to_report(recordings: Path, whole: Path) -> None:
+    asked = (recordings / "scenario.toml", recordings, "--pattern", PATTERN)
+    plan = json.loads(call("archive", "plan", *asked, "--segment", 30, "--chain", 120, "--burn-in", 30, "--json").out)
+    assert [station["files"] for station in plan["stations"]] == [12, 12]
+    assert plan["stations"][0]["hours"] == pytest.approx(SECONDS / 3600)
+    assert plan["seconds"] > 0
+    told = call("archive", "status", whole)
+    assert told.status == 0
+    assert told.out.splitlines()[-1] == "whole"
+    drawn = call("archive", "report", whole)
+    assert drawn.status == 0, drawn.err
+    page = (whole / "report.html").read_text(encoding="utf-8")
+    # It asks nobody for anything, and every segment's report is there.
+    assert "http" not in page
+    assert "<script" not in page
+    links = {part.split('"')[0] for part in page.split('<a href="')[1:]}
+    assert len(links) == 16
+    assert all((whole / link).is_file() for link in links)
+    done = call("archive", "run", *asked, "--out", whole, "--workers", 0, "--json")
+    assert json.loads(done.out)["whole"]
+    assert call("archive", "status", recordings).status == 2

@@ -52,7 +52,8 @@ def run(
     out : folder of the store; files that it knows belong to the archive too.
     pattern : how paths tell station and start.
     cut : of a new store.
-    workers : processes on this machine, one a core where not given; 0 for this process alone.
+    workers : processes on this machine, one a core where not given; 0 for this process alone, whose bits are others
+        than those of workers, which have one thread each.
     scheduler : address of a Dask scheduler whose workers see the files and the store by the same paths.
     retry : whether files that were left out are looked at again.
     progress : is called with the seconds of recordings that were taken in just now, and of all that are missing.
@@ -188,7 +189,8 @@ def _take(store: Store, outcome: Outcome, tell: Tell) -> None:
     """Keep what became of a segment."""
     if outcome.done and outcome.segment in store.failed:
         store.keep_failed({name: why for name, why in store.failed.items() if name != outcome.segment})
-    if outcome.left_out is not None:
+    if outcome.left_out is not None and outcome.left_out[0] not in store.left_out:
+        # Two chains may have come upon it.
         store.keep_left_out([*store.left_out.values(), outcome.left_out])
         tell(f"{outcome.left_out[0]} is left out: {outcome.left_out[2]}.")
     elif outcome.failed is not None:

@@ -25,7 +25,7 @@ import xarray as xr
 from faintrack.archive.cut import Segment
 from faintrack.archive.samples import ReadAhead, Samples, Unreadable
 from faintrack.archive.store import SEGMENT, whole_folder
-from faintrack.archive.tables import write_segment_states
+from faintrack.archive.tables import states_of, write_table
 from faintrack.errors import InputError
 from faintrack.kinds import kind_named
 from faintrack.kinds.kind import Plan
@@ -100,7 +100,7 @@ def _compute(store: Path, segment: Segment, began: float) -> None:
     result = Result(data, plan.scenario, kind, took, remarks, plan.misfits())
     with whole_folder(store / "segments" / segment.name) as folder:
         save_checkpoint(folder / STATE, moments[-1][0])
-        write_segment_states(folder / "states.parquet", data)
+        write_table(folder / "states.parquet", states_of(data))
         plan.scenario.save(folder / "scenario.toml")
         facts = _provenance(segment, samples, result, plan.within)
         (folder / SEGMENT).write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")

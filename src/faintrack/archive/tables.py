@@ -61,8 +61,8 @@ def read_table(file: Path, columns: list[str] | None = None) -> "pd.DataFrame":
     return table
 
 
-def write_segment_states(file: Path, data: xr.Dataset) -> None:
-    """Write the states of a segment's tracks, one row a track and scan; labels count within the chain."""
+def states_of(data: xr.Dataset) -> "pd.DataFrame":
+    """States of the tracks in the data of a result that knows when it starts, one row a track and scan."""
     import pandas as pd
 
     columns = state_columns(data)
@@ -73,7 +73,7 @@ def write_segment_states(file: Path, data: xr.Dataset) -> None:
     start = np.datetime64(data.attrs["start_time"].removesuffix("Z"), "ns")
     since = np.round(table["time_s"].to_numpy(float) * 1e9).astype("timedelta64[ns]")
     table["utc"] = pd.DatetimeIndex(start + since).tz_localize("UTC")
-    write_table(file, table.drop(columns="time_s"))
+    return table.drop(columns="time_s")
 
 
 def write_files(file: Path, pieces: Iterable[Piece]) -> None:

@@ -49,6 +49,7 @@ def plan(
 
     Example: [bold]faintrack archive plan scenario.toml recordings --pattern "{station}/%Y%m%d_%H%M%S"[/bold]
     """
+    from faintrack.archive.duration import duration
     from faintrack.archive.plan import planned, trial
     from faintrack.archive.store import opened
     from faintrack.cli.tables import print_archive_plan
@@ -57,11 +58,11 @@ def plan(
     keep_compilations()
     store = None if out is None or not out.exists() else opened(out)
     found = planned(sources, scenario, _cut(segment, chain, burn_in), pattern, store)
-    speed = None
+    takes = None
     if found.chains:
         first = found.chains[0][-1]
         speed = trial(first, found.scenarios[first.station])
-    takes = None if speed is None else speed * found.seconds / workers
+        takes = duration([[speed * one.seconds for one in chain] for chain in found.chains], workers)
     if as_json:
         print(json.dumps({**found.as_dict(), "seconds": takes}))
     else:

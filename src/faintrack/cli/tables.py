@@ -78,29 +78,21 @@ def print_study(summary: dict[str, Any]) -> None:
 
 def print_archive_plan(plan: "ArchivePlan", seconds: float | None, workers: int) -> None:
     """What an archive consists of, what is left out, and how long it will take."""
-    columns = (
-        "station",
-        "files",
-        "start",
-        "end",
-        "hours",
-        "gaps",
-        "gap h",
-        "twice s",
-        "channels",
-        "Hz",
-        "GB",
-        "segments",
-    )
+    columns = ("station", "files", "from", "hours", "gaps", "gap h", "channels", "GB", "segments")
     rows = (
         (
-            *(station.station, str(station.files), stamped(station.start), stamped(station.stop)),
-            *(f"{station.hours:.5g}", str(station.gaps), f"{station.gap_hours:.4g}", f"{station.overlap_s:.4g}"),
-            *(str(station.channels), f"{station.sample_rate:g}", f"{station.size / 1e9:.3g}", str(station.segments)),
+            *(station.station, str(station.files), stamped(station.start)[:8], f"{station.hours:.5g}"),
+            *(str(station.gaps), f"{station.gap_hours:.4g}", str(station.channels)),
+            *(f"{station.size / 1e9:.3g}", str(station.segments)),
         )
         for station in plan.stations
     )
-    _print(columns, rows, text=("station", "start", "end"))
+    _print(columns, rows, text=("station", "from"))
+    for station in plan.stations:
+        if station.overlaps:
+            print(
+                f"overlaps   {station.station}: {station.overlaps}, {station.overlap_s:.4g} s recorded twice, read once"
+            )
     _print_left_out({path: why for path, _, why in plan.left_out})
     if seconds is not None:
         by = "process" if workers == 1 else "processes"
