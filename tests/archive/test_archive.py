@@ -1,5 +1,6 @@
 """Archives: the same tracks however time was cut, the same bits whoever computes them, nothing lost to bad files."""
 
+import dataclasses
 import json
 import os
 import shutil
@@ -17,15 +18,20 @@ import pytest
 pytest.importorskip("pyarrow")
 import pandas as pd
 
+import faintrack as ft
 from faintrack.archive import run as running
-from faintrack.archive.cut import Cut
+from faintrack.archive.burn_in import measured
+from faintrack.archive.cut import Cut, chains_of
+from faintrack.archive.pieces import laid, pieces_of
 from faintrack.archive.plan import ArchivePlan
 from faintrack.archive.run import retry, run
+from faintrack.archive.samples import Samples
+from faintrack.archive.sources import sources_of
 from faintrack.archive.status import Status, status
 from faintrack.archive.store import writing
 from faintrack.errors import InputError
 from faintrack.studies.running import connect
-from tests.archive.small import BEGIN, CUT, PATTERN, SCENARIO, SECONDS, file_at, make
+from tests.archive.small import BEGIN, CUT, PATTERN, RATE, SCENARIO, SECONDS, file_at, make
 from tests.cli.calling import call
 
 ROOT = Path(__file__).parents[2]
@@ -270,6 +276,39 @@ def test_a_file_is_looked_at_again_where_that_is_asked_for(
     assert found.whole
     assert not found.left_out
     pd.testing.assert_frame_equal(states(store, "north"), states(whole, "north"), check_exact=True)
+
+
+def test_results_of_files_that_are_gone_stay(north: Path, tmp_path: Path) -> None:
+    """Recordings may be removed when their chain is done; before, what goes on from them waits until they are back."""
+    store, later, away = tmp_path / "store", tmp_path / "later" / "north", tmp_path / "away"
+    later.mkdir(parents=True)
+    away.mkdir()
+    for seconds in range(100, SECONDS, 20):
+        file_at(north, "north", seconds).rename(later / file_at(north, "north", seconds).name)
+    track(north, store, COARSE)
+    before = bits(store)
+    first = file_at(north, "north", 0)
+    first.rename(away / first.name)
+    said: list[str] = []
+    found = run(north / "scenario.toml", [later.parent], store, pattern=PATTERN, workers=0, tell=said.append)
+    assert not found.whole
+    assert list(found.failed) == ["north/20260101T235900Z"]
+    assert "has vanished" in said[0]
+    segments = {name: content for name, content in before.items() if name.startswith("segments")}
+    assert segments.items() <= bits(store).items()
+    (away / first.name).rename(first)
+    assert retry(store, workers=0).whole
+
+
+def test_a_burn_in_is_measured(north: Path) -> None:
+    """At seams where both sources have been heard for long, half a minute is enough."""
+    pieces, _ = laid(pieces_of(sources_of([north / "north"], PATTERN)[0], {}, {})[0])
+    ((segment,),) = chains_of(pieces, Cut(600, 600, 0), SCENARIO["analysis"]["frame"])
+    with Samples(segment) as samples:
+        recording = dataclasses.replace(samples.recording(), length=round(SECONDS * RATE))
+        (found,) = measured(recording, ft.Scenario(**SCENARIO), [30.0], [110.0, 150.0])
+    assert (found.right, found.seams, found.targets) == (2, 2, 4)
+    assert found.interval[1] == 1
 
 
 def test_two_runs_on_one_store(recordings: Path, whole: Path) -> None:

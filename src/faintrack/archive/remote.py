@@ -59,14 +59,25 @@ def stamp(path: str) -> str:
     Raises
     ------
     OSError : there is no such file.
+    InputError : nothing answers at an address, or there is no such file.
     """
     if not is_address(path):
         found = os.stat(path)
         return f"{found.st_size} {found.st_mtime_ns}"
     files, inner = _opened(path)
-    facts = files.info(inner)
+    with _answering(path):
+        facts = files.info(inner)
     changed = next((facts[name] for name in ("ETag", "etag", "mtime", "LastModified", "created") if name in facts), "")
     return f"{facts.get('size')} {changed}"
+
+
+def is_there(path: str) -> bool:
+    """Whether there is such a file."""
+    try:
+        stamp(path)
+    except (OSError, InputError):
+        return False
+    return True
 
 
 def size_of(mark: str) -> int:

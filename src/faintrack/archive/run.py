@@ -8,13 +8,16 @@ it is computed anew. So a result never depends on when a file went bad, only on 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faintrack.archive.cut import Cut, Segment
 from faintrack.archive.joining import join
 from faintrack.archive.plan import ArchivePlan, Progress, arranged, planned
+from faintrack.archive.remote import is_there
 from faintrack.archive.segment import Outcome, compute
+from faintrack.archive.sources import placed
 from faintrack.archive.status import Status, status
 from faintrack.archive.store import Store, writing
 from faintrack.archive.tables import parquet
@@ -64,7 +67,7 @@ def run(
     InputError : sources, scenario or store cannot be used, or no scheduler answers.
     """
     parquet()
-    given = [str(source) for source in sources]
+    given = [placed(source) for source in sources]
     with writing(out, cut) as store:
         plan = planned(given, scenario, None, pattern, store, retry)
         for station, what in plan.scenarios.items():
@@ -189,6 +192,9 @@ def _take(store: Store, outcome: Outcome, tell: Tell) -> None:
     """Keep what became of a segment."""
     if outcome.done and outcome.segment in store.failed:
         store.keep_failed({name: why for name, why in store.failed.items() if name != outcome.segment})
+    vanished = _vanished_since(store, outcome)
+    if vanished is not None:
+        outcome = replace(outcome, left_out=None, failed=vanished)
     if outcome.left_out is not None and outcome.left_out[0] not in store.left_out:
         # Two chains may have come upon it.
         store.keep_left_out([*store.left_out.values(), outcome.left_out])
@@ -196,6 +202,16 @@ def _take(store: Store, outcome: Outcome, tell: Tell) -> None:
     elif outcome.failed is not None:
         store.keep_failed(store.failed | {outcome.segment: outcome.failed})
         tell(f"{outcome.segment} has no result: {outcome.failed}")
+
+
+def _vanished_since(store: Store, outcome: Outcome) -> str | None:
+    """What is said of a file that is gone but of which there are results: these stay as they are."""
+    if outcome.left_out is None:
+        return None
+    path = outcome.left_out[0]
+    if not is_there(path) and any(path in file["paths"] for facts in store.segments() for file in facts["files"]):
+        return f"{path} has vanished, of which segments before have results; expected it where it was."
+    return None
 
 
 def _keep_left_out(store: Store, plan: ArchivePlan, tell: Tell) -> None:

@@ -92,14 +92,17 @@ def _compute(store: Path, segment: Segment, began: float) -> None:
         since = Checkpoint(plan.state, 0)
         if segment.before is not None:
             since = load_checkpoint(store / "segments" / segment.before / STATE, plan)
-        moments = list(taken_in(plan, since, segment.ranges, samples))
+        last, blocks = since, []
+        for moment in taken_in(plan, since, segment.ranges, samples):
+            last = moment[0]
+            blocks.append(moment[1])
         samples.require_unchanged()
-    data = joined([rows for _, rows in moments])
+    data = joined(blocks)
     took = time.perf_counter() - began
     remarks = tuple(dict.fromkeys((*plan.checks, *plan.remarks())))
     result = Result(data, plan.scenario, kind, took, remarks, plan.misfits())
     with whole_folder(store / "segments" / segment.name) as folder:
-        save_checkpoint(folder / STATE, moments[-1][0])
+        save_checkpoint(folder / STATE, last)
         write_table(folder / "states.parquet", states_of(data))
         plan.scenario.save(folder / "scenario.toml")
         facts = _provenance(segment, samples, result, plan.within)

@@ -117,7 +117,7 @@ def told_by(path: str, pattern: str) -> tuple[str | None, np.datetime64 | None]:
 
 
 def _listed(given: Iterable[str | Path]) -> Iterator[tuple[str, str | None, np.datetime64 | None]]:
-    for one in map(str, given):
+    for one in map(placed, given):
         if is_address(one):
             yield from ((path, None, None) for path in listed_at(one) if _readable(path))
         elif one.lower().endswith(".csv"):
@@ -130,6 +130,11 @@ def _listed(given: Iterable[str | Path]) -> Iterator[tuple[str, str | None, np.d
                 if not os.path.exists(path):
                     raise InputError(f"{path} does not exist.")
                 yield path, None, None
+
+
+def placed(path: str | Path) -> str:
+    """An address as it is, a path from the root: workers stand elsewhere."""
+    return str(path) if is_address(str(path)) else os.path.abspath(path)
 
 
 def _within(folder: str) -> Iterator[str]:
@@ -160,4 +165,4 @@ def _manifest(file: Path) -> Iterator[tuple[str, str | None, np.datetime64 | Non
             moment = np.datetime64(start.removesuffix("Z"), "ns") if start else None
         except ValueError:
             raise InputError(f"{file}, line {number}: start is {start!r}; expected a time in UTC.") from None
-        yield path if is_address(path) else str(file.parent / path), row.get("station") or None, moment
+        yield path if is_address(path) else placed(file.parent / path), row.get("station") or None, moment
