@@ -45,6 +45,7 @@ TINY = Sizes(
     pixel_births=10,
     region_places=4,
     region_rates=3,
+    archive_seconds=3,
     study="tests.studies.small:study",
     repeat_seconds=0.0,
 )

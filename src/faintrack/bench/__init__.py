@@ -18,6 +18,7 @@ from faintrack.bench.active import (
     fm_scan_moving,
     fm_scan_two,
 )
+from faintrack.bench.archive import archive_segment
 from faintrack.bench.beams import beam_power_acoular, beam_power_numpy
 from faintrack.bench.bernoulli import bernoulli_step_batch, bernoulli_step_single
 from faintrack.bench.grids import implicit_step_4d, separable_step_base, separable_step_fine
@@ -61,6 +62,7 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
         cw_scan_moving,
         pixel_frame,
         *TARGET_ROWS,
+        archive_segment,
         study_seconds,
         import_seconds,
         help_seconds,

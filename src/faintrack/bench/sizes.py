@@ -26,6 +26,7 @@ class Sizes:
     pixels : of an image, along each side.
     pixel_particles, pixel_births : of the tracker on images.
     target_scans, target_pixels : of data with one target and several; pixels along each side of a frame.
+    archive_seconds : of a segment of an archive.
     study : that is run as a whole.
     repeat_seconds : that every call is repeated.
     """
@@ -56,5 +57,6 @@ class Sizes:
     pixel_births: int = 20_000
     target_scans: int = 20
     target_pixels: int = 64
+    archive_seconds: int = 300
     study: str = "liu2013"
     repeat_seconds: float = 2.0

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from faintrack.cli import commands, live, study
+from faintrack.cli import archive, commands, live, study
 
 app = typer.Typer(
     name="faintrack",
@@ -25,6 +25,7 @@ for command in (
     commands.bench,
 ):
     app.command(command.__name__)(command)
+app.add_typer(archive.app, name="archive")
 app.add_typer(study.app, name="study")
 
 

@@ -6,12 +6,18 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from faintrack.archive.cut import stamped
 from faintrack.results.report import track_headings, track_rows
 from faintrack.results.result import Result
 from faintrack.results.truth import finding_table, unexplained
 
 if TYPE_CHECKING:
+    from faintrack.archive.plan import ArchivePlan
+    from faintrack.archive.status import Status
     from faintrack.bench import Row
+
+SAID = 20
+"""Files that are listed one by one at most."""
 
 
 def print_result(result: Result, said: Sequence[str] = ()) -> None:
@@ -68,6 +74,53 @@ def print_study(summary: dict[str, Any]) -> None:
     for row in summary["rows"]:
         print(f"{row['key']}: {row['name']}")
     print(f"{sum(summary['runs'].values())} runs, seed {summary['seed']}, {summary['seconds']:.0f} s")
+
+
+def print_archive_plan(plan: "ArchivePlan", seconds: float | None, workers: int) -> None:
+    """What an archive consists of, what is left out, and how long it will take."""
+    columns = ("station", "files", "from", "hours", "gaps", "gap h", "channels", "GB", "segments")
+    rows = (
+        (
+            *(station.station, str(station.files), stamped(station.start)[:8], f"{station.hours:.5g}"),
+            *(str(station.gaps), f"{station.gap_hours:.4g}", str(station.channels)),
+            *(f"{station.size / 1e9:.3g}", str(station.segments)),
+        )
+        for station in plan.stations
+    )
+    _print(columns, rows, text=("station", "from"))
+    for station in plan.stations:
+        if station.overlaps:
+            print(
+                f"overlaps   {station.station}: {station.overlaps}, {station.overlap_s:.4g} s recorded twice, read once"
+            )
+    _print_left_out({path: why for path, _, why in plan.left_out})
+    if seconds is not None:
+        by = "process" if workers == 1 else "processes"
+        print(f"about {seconds / 3600:.2g} hours by {workers} {by}, of {plan.seconds / 3600:.5g} hours with burn-ins")
+
+
+def print_archive_status(status: "Status") -> None:
+    """How an archive stands."""
+    columns = ("station", "segments", "done", "hours", "done h", "tracks", "took h")
+    rows = (
+        (
+            *(one.station, str(one.segments), str(one.done), f"{one.hours:.5g}", f"{one.hours_done:.5g}"),
+            *(str(one.tracks), f"{one.took / 3600:.3g}"),
+        )
+        for one in status.stations
+    )
+    _print(columns, rows, text=("station",))
+    _print_left_out(status.left_out)
+    for name, why in status.failed.items():
+        print(f"failed     {name}: {why}")
+    print("a run writes to it now" if status.running else "whole" if status.whole else "not whole; run again to go on")
+
+
+def _print_left_out(left_out: dict[str, str]) -> None:
+    for path, why in list(left_out.items())[:SAID]:
+        print(f"left out   {path}: {why}")
+    if len(left_out) > SAID:
+        print(f"left out   {len(left_out) - SAID} files more")
 
 
 def _interval(bounds: list[float | None]) -> str:

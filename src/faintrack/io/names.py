@@ -41,8 +41,8 @@ def start_in_name(name: str, pattern: str) -> np.datetime64:
     >>> str(start_in_name("node3_20240229T120000.500.wav", "%Y%m%dT%H%M%S.%f"))
     '2024-02-29T12:00:00.500000000'
     """
-    form = re.sub(r"%(.)|([^%]+)", _as_expression, pattern)
-    if "%" not in pattern or "\0" in form:
+    form = expression(pattern)
+    if "%" not in pattern:
         raise InputError(f"the pattern of start times is {pattern!r}; expected one such as '%Y%m%d_%H%M%S'.")
     # The last one: numbers of recorders stand before times.
     matches = re.findall(f"(?=((?<![0-9]){form}))", name) if len(name) < 1024 else []
@@ -54,6 +54,24 @@ def start_in_name(name: str, pattern: str) -> np.datetime64:
         if limits.FIRST_YEAR <= moment.year <= limits.LAST_YEAR:
             return np.datetime64(moment, "ns")
     raise InputError(f"{name}: there is no time such as {pattern!r} in the name.")
+
+
+def expression(pattern: str) -> str:
+    """Regular expression of the texts that a pattern of times, as of `start_in_name`, may stand for.
+
+    Raises
+    ------
+    InputError : the pattern has fields that are not known.
+
+    Examples
+    --------
+    >>> expression("a%Y.")
+    'a\\\\d{4}\\\\.'
+    """
+    form = re.sub(r"%(.)|([^%]+)", _as_expression, pattern)
+    if "\0" in form:
+        raise InputError(f"the pattern of start times is {pattern!r}; expected one such as '%Y%m%d_%H%M%S'.")
+    return form
 
 
 def _as_expression(part: re.Match[str]) -> str:

@@ -46,7 +46,8 @@ def run_key(plan_seed: int) -> PRNGKeyArray:
 
 
 def _init(tracker: Any, key: PRNGKeyArray) -> Any:
-    return tracker.init(key)
+    # With types of their own, as a state that was saved has them: one program serves both.
+    return jax.tree.map(lambda leaf: leaf.astype(leaf.dtype), tracker.init(key))
 
 
 def begun(tracker: Any, seed: int) -> Any:

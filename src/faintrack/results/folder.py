@@ -75,7 +75,7 @@ def result_folder(path: str | Path) -> Iterator[Path]:
         try:
             (partial / MARK).touch()
             yield partial
-            _flush(partial)
+            flush_files(partial)
             (partial / MARK).unlink()
             partial.chmod(0o755)
             _put(partial, path)
@@ -113,7 +113,7 @@ def _remove_abandoned(path: Path) -> None:
             shutil.rmtree(abandoned, ignore_errors=True)
 
 
-def _flush(folder: Path) -> None:
+def flush_files(folder: Path) -> None:
     """Have the system write all files of a folder to the disk."""
     for file in folder.rglob("*"):
         if file.is_file():
