@@ -20,6 +20,7 @@ for command in (
     commands.track,
     live.live,
     commands.report,
+    commands.export,
     commands.simulate,
     commands.calibrate,
     commands.bench,

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from faintrack.kinds import KINDS
+from faintrack.results.exports import FORMATS, format_named
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object for programs.")]
 Files = Annotated[list[Path], typer.Argument(help="Files of one kind of data, or a folder of images.")]
@@ -203,6 +204,34 @@ def report(
     from faintrack import read_result
 
     print(f"report     {read_result(folder).report(out or folder / 'report.html')}")
+
+
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder that faintrack track --out wrote.")],
+    to: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FORMAT",
+            help=f"{', '.join(FORMATS)}; as the end of --out tells where not given.",
+            autocompletion=lambda: [(name, one.title) for name, one in FORMATS.items()],
+        ),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write; beside the folder where not given.")] = None,
+) -> None:
+    """Write the tracks of a result for another program: a globe, MATLAB, sound, images, tables.
+
+    Example: [bold]faintrack export night --to raven[/bold]
+
+    Example: [bold]faintrack export tracks --out tracks.kml[/bold]
+    """
+    from faintrack import read_result
+    from faintrack.errors import InputError
+
+    if out is None:
+        if to is None:
+            raise InputError(f"expected --to FORMAT, one of {', '.join(FORMATS)}, or --out FILE.")
+        out = folder.parent / (folder.resolve().name + format_named(to).suffix)
+    print(f"written    {read_result(folder).export(out, to)}")
 
 
 def calibrate(
