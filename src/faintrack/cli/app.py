@@ -17,6 +17,7 @@ for command in (
     commands.demo,
     commands.info,
     commands.init,
+    commands.explain,
     commands.track,
     live.live,
     commands.report,

@@ -85,16 +85,36 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def write_report(path: str | Path, result: Result) -> Path:
-    """Write the report of a result as one self-contained HTML file, beside its place first and then renamed.
+    """Write the report of a result as one self-contained HTML file; returns its path.
 
-    Returns
-    -------
-    The path.
+    Raises
+    ------
+    InputError : as `write_html`.
     """
-    path = Path(path)
-    if path.exists() and not path.is_file():
+    require_file(path)
+    return write_html(path, report(result))
+
+
+def require_file(path: str | Path) -> None:
+    """Refuse a path that is something else than a file.
+
+    Raises
+    ------
+    InputError : it is.
+    """
+    if Path(path).exists() and not Path(path).is_file():
         raise InputError(f"{path} cannot be written: it is no file.")
-    text = report(result)
+
+
+def write_html(path: str | Path, text: str) -> Path:
+    """Write a page, beside its place first and then renamed; returns its path.
+
+    Raises
+    ------
+    InputError : the file cannot be written.
+    """
+    require_file(path)
+    path = Path(path)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
     except OSError as error:
