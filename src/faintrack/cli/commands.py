@@ -8,10 +8,20 @@ from typing import Annotated, Any
 import typer
 
 from faintrack.kinds import KINDS
+from faintrack.results.exports import FORMATS, format_named
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object for programs.")]
 Files = Annotated[list[Path], typer.Argument(help="Files of one kind of data, or a folder of images.")]
-KindName = Annotated[str | None, typer.Option("--kind", help="Kind of data, where files and scenario do not tell.")]
+
+
+def _kinds() -> list[str]:
+    return list(KINDS)
+
+
+KindName = Annotated[
+    str | None,
+    typer.Option("--kind", autocompletion=_kinds, help="Kind of data, where files and scenario do not tell."),
+]
 ScenarioFile = Annotated[Path | None, typer.Option(help="TOML file of what to run; faintrack init writes one.")]
 Settings = Annotated[
     list[str] | None,
@@ -23,8 +33,27 @@ Frame = Annotated[float | None, typer.Option(metavar="SECONDS", help="Between sc
 FalseTracks = Annotated[
     str | None, typer.Option(metavar="N/h", help="False tracks that are promised, an hour or a day: 1/h, 0.5/day.")
 ]
+
+
+def _methods() -> list[str]:
+    """Values of `--method`, as the scenarios of recordings know them."""
+    from faintrack.kinds.explain import explain
+
+    return explain("tracker.method")[0].values.split(", ")
+
+
+def _fields(incomplete: str) -> list[str]:
+    """Fields of scenarios that begin so, with their sections."""
+    from faintrack.kinds.explain import field_names
+
+    return [name for name in field_names() if name.startswith(incomplete)]
+
+
 Method = Annotated[
-    str | None, typer.Option(help="bernoulli, track before detect; cfar, detect and track; the scenario's else.")
+    str | None,
+    typer.Option(
+        autocompletion=_methods, help="bernoulli, track before detect; cfar, detect and track; the scenario's else."
+    ),
 ]
 
 
@@ -168,7 +197,7 @@ def info(
 
 
 def init(
-    kind: Annotated[str, typer.Argument(help=f"Kind of data: {', '.join(KINDS)}.")],
+    kind: Annotated[str, typer.Argument(autocompletion=_kinds, help=f"Kind of data: {', '.join(KINDS)}.")],
     out: Annotated[Path | None, typer.Option(help="File to write; printed where not given.")] = None,
 ) -> None:
     """Write a scenario of a kind of data with every field, its default and what it means.
@@ -192,17 +221,108 @@ def init(
     print(f"scenario   {out}")
 
 
-def report(
-    folder: Annotated[Path, typer.Argument(help="Folder that `faintrack track --out` wrote.")],
-    out: Annotated[Path | None, typer.Option(help="HTML file; report.html in the folder where not given.")] = None,
+def explain(
+    field: Annotated[
+        str,
+        typer.Argument(
+            help="Of a scenario, as declare or tracker.declare; a section, as tracker, for all that is in it.",
+            autocompletion=_fields,
+        ),
+    ],
+    kind: KindName = None,
+    as_json: Json = False,
 ) -> None:
-    """Draw the report of a result again.
+    """Explain a field of a scenario: meaning, unit, bounds, default.
+
+    Example: [bold]faintrack explain tracker.declare[/bold]
+
+    Example: [bold]faintrack explain frames --kind frames[/bold]
+    """
+    from dataclasses import asdict
+
+    from faintrack.cli.tables import print_explanations
+    from faintrack.errors import InputError
+    from faintrack.kinds import kind_named
+    from faintrack.kinds.explain import explain as explanations
+
+    wanted = None if kind is None else kind_named(kind).name
+    known = [one for one in explanations(field) if wanted is None or wanted in one.kinds]
+    if not known:
+        raise InputError(f"there is no field {field} in a scenario of {wanted}; faintrack init {wanted} prints all.")
+    if as_json:
+        print(json.dumps({"fields": [asdict(one) for one in known]}))
+    else:
+        print_explanations(known)
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder that faintrack track --out wrote.")],
+    other: Annotated[Path | None, typer.Argument(help="Another one, to compare the two.")] = None,
+    out: Annotated[Path | None, typer.Option(help="HTML file; report.html in the folder where not given.")] = None,
+    within: Annotated[
+        float | None, typer.Option(help="Of two: distance up to which tracks are the same; unit of the place.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Draw the report of a result again, or compare two: tracks matched, GOSPA, where they differ.
 
     Example: [bold]faintrack report night[/bold]
+
+    Example: [bold]faintrack report night night_cfar --out comparison.html[/bold]
     """
     from faintrack import read_result
 
-    print(f"report     {read_result(folder).report(out or folder / 'report.html')}")
+    result = read_result(folder)
+    if other is None:
+        if within is not None:
+            from faintrack.errors import InputError
+
+            raise InputError("--within was given with one result; expected two.")
+        written = result.report(out or folder / "report.html")
+        print(json.dumps(result.summary()) if as_json else f"report     {written}")
+        return
+    from faintrack.cli.tables import print_comparison
+    from faintrack.results.compare import compare
+    from faintrack.results.compare_report import write_comparison
+
+    second = read_result(other)
+    comparison = compare(result, second, within)
+    if as_json:
+        print(json.dumps(comparison.as_dict()))
+    else:
+        print_comparison(comparison)
+    if out is not None:
+        write_comparison(out, comparison, result, second)
+        if not as_json:
+            print(f"report     {out}")
+
+
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder that faintrack track --out wrote.")],
+    to: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FORMAT",
+            help=f"{', '.join(FORMATS)}; as the end of --out tells where not given.",
+            autocompletion=lambda: [(name, one.title) for name, one in FORMATS.items()],
+        ),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write; beside the folder where not given.")] = None,
+) -> None:
+    """Write the tracks of a result for another program: a globe, MATLAB, sound, images, tables.
+
+    Example: [bold]faintrack export night --to raven[/bold]
+
+    Example: [bold]faintrack export tracks --out tracks.kml[/bold]
+    """
+    from faintrack import read_result
+    from faintrack.errors import InputError
+
+    if out is None:
+        if to is None:
+            raise InputError(f"expected --to FORMAT, one of {', '.join(FORMATS)}, or --out FILE.")
+        out = folder.parent / (folder.resolve().name + format_named(to).suffix)
+    print(f"written    {read_result(folder).export(out, to)}")
 
 
 def calibrate(

@@ -1,5 +1,6 @@
 """Tables as a terminal shows them."""
 
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -7,6 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from faintrack.archive.cut import stamped
+from faintrack.kinds.explain import Explanation
+from faintrack.results.compare import Comparison
+from faintrack.results.compare_report import comparison_facts, comparison_tables
 from faintrack.results.report import track_headings, track_rows
 from faintrack.results.result import Result
 from faintrack.results.truth import finding_table, unexplained
@@ -40,6 +44,32 @@ def print_result(result: Result, said: Sequence[str] = ()) -> None:
         f"{len(result.tracks)} tracks in {summary['scans']} scans{''.join(counts)}; "
         f"{summary['seconds']:.1f} s, {summary['realtime_factor']:.0f} times real time"
     )
+
+
+def print_comparison(comparison: Comparison) -> None:
+    """Two results beside each other."""
+    for name, text in comparison_facts(comparison).items():
+        print(f"{name:<19}{text}")
+    for title, headings, rows in comparison_tables(comparison):
+        print(f"\n{title}")
+        _print(headings, rows, text=("field", "first", "second") if headings[0] == "field" else ())
+
+
+def print_explanations(explanations: Sequence[Explanation]) -> None:
+    """What is known of fields, a paragraph each."""
+    for number, one in enumerate(explanations):
+        facts = {
+            "": one.meaning,
+            "unit": one.unit,
+            "values": one.values,
+            "default": "must be given" if one.required else one.default or "none; see above",
+            "kinds": ", ".join(one.kinds),
+        }
+        print(f"{chr(10) if number else ''}{one.field}")
+        for name, text in facts.items():
+            lines = textwrap.wrap(text, 66) or []
+            for place, line in enumerate(lines):
+                print(f"  {'' if place else name:<9}{line}" if name else f"  {line}")
 
 
 def print_bench(rows: "Sequence[Row]") -> None:
@@ -131,9 +161,25 @@ def _interval(bounds: list[float | None]) -> str:
 
 
 def _print(columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[str] = ()) -> None:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in columns:
-        table.add_column(column, justify="left" if column in text else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    Console().print(table)
+    """A table; what does not fit beside each other stands below, the first column again before it."""
+    console, body = Console(), [list(row) for row in rows]
+    wide = [
+        max(len(line) for cell in (title, *(row[number] for row in body)) for line in cell.split("\n")) + 2
+        for number, title in enumerate(columns)
+    ]
+    parts: list[list[int]] = [[0]]
+    for number in range(1, len(columns)):
+        fits = sum(wide[one] for one in (*parts[-1], number)) - 2 <= console.width
+        # A text may be folded instead.
+        if fits or columns[number] in text or len(parts[-1]) == 1:
+            parts[-1].append(number)
+        else:
+            parts.append([0, number])
+    for part in parts:
+        table = Table(box=None, header_style="bold", pad_edge=False)
+        for number in part:
+            left = columns[number] in text
+            table.add_column(columns[number], justify="left" if left else "right", no_wrap=not left, overflow="fold")
+        for row in body:
+            table.add_row(*(row[number] for number in part))
+        console.print(table)

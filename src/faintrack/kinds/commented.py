@@ -38,7 +38,7 @@ def commented_scenario(name: str) -> str:
     lines = [f"# What to run with data of the kind {kind.name}: {kind.title.lower()}.", "", f'kind = "{kind.name}"']
     for field, about in model.model_fields.items():
         if field != "kind":
-            lines += ["", *_section(field, about, _texts(model))]
+            lines += ["", *_section(field, about, texts_of(model))]
     return "\n".join(lines) + "\n"
 
 
@@ -56,18 +56,21 @@ def _section(name: str, field: FieldInfo, texts: dict[str, str]) -> Iterator[str
 
 def _fields(model: type[BaseModel], mark: str) -> Iterator[str]:
     """Lines of the fields of a section: those with a value as they are, others commented out."""
-    texts = _texts(model)
+    texts = texts_of(model)
     for name, field in model.model_fields.items():
         yield from _comment(texts.get(name, ""))
         if field.is_required() or field.examples:
             value = _plain((field.examples or ["..."])[0])
             yield f"{mark}{name} = {_inline(value)}"
             continue
-        value = _plain(field.get_default(call_default_factory=True))
-        if value is None or value == [] or isinstance(value, dict):
-            yield f"# {name} ="
-        else:
-            yield f"{mark}{name} = {_inline(value)}"
+        default = default_of(field)
+        yield f"{mark}{name} = {default}" if default else f"# {name} ="
+
+
+def default_of(field: FieldInfo) -> str:
+    """Default of a field as TOML; empty where there is none that one line can tell."""
+    value = None if field.is_required() else _plain(field.get_default(call_default_factory=True))
+    return "" if value is None or value == [] or isinstance(value, dict) else _inline(value)
 
 
 def _inline(value: Any) -> str:
@@ -89,8 +92,23 @@ def _plain(value: Any) -> Any:
     return [_plain(part) for part in value] if isinstance(value, tuple | list) else value
 
 
-def _texts(model: type[BaseModel]) -> dict[str, str]:
-    """What the docstring of a section says of each field."""
+def texts_of(model: type[BaseModel]) -> dict[str, str]:
+    """What the docstring of a section says of each field; where it is silent or points to another, what that says."""
+    known = {f"{base.__module__}.{base.__name__}": base for base in model.__mro__[1:] if issubclass(base, BaseModel)}
+    texts: dict[str, str] = {}
+    for base in reversed(known.values()):
+        texts |= _written(base)
+    for name, text in _written(model).items():
+        place, _, rest = text.removeprefix("see ").partition("; ")
+        if text.startswith("see ") and place.rstrip(".") in known:
+            theirs = _written(known[place.rstrip(".")]).get(name, text)
+            text = f"{theirs.rstrip('.')}. {rest}" if rest else theirs
+        texts[name] = text
+    return {name: text for name, text in texts.items() if name in model.model_fields}
+
+
+def _written(model: type[BaseModel]) -> dict[str, str]:
+    """What stands in the docstring of a section of each field."""
     doc = inspect.getdoc(model) or ""
     _, _, attributes = doc.partition("Attributes\n----------\n")
     texts: dict[str, str] = {}

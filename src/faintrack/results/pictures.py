@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Int
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
@@ -18,7 +19,9 @@ COLUMNS = 2000
 """Scans in a picture at most; more are drawn by their largest value."""
 
 
-def mark_label(axes: Axes, label: int, place: tuple[float, float], size: float | None = None) -> None:
+def mark_label(
+    axes: Axes, label: int, place: tuple[float, float], size: float | None = None, colour: str = TRACK
+) -> None:
     """Number of a track at its start."""
     axes.annotate(
         str(label),
@@ -29,11 +32,29 @@ def mark_label(axes: Axes, label: int, place: tuple[float, float], size: float |
         color="white",
         weight="bold",
         fontsize=size,
-        bbox={"boxstyle": "round,pad=0.2", "color": TRACK},
+        bbox={"boxstyle": "round,pad=0.2", "color": colour},
     )
 
 
-def draw_paths(axes: Axes, data: xr.Dataset, across: str, up: str, deviations: bool = False) -> None:
+def jumps(track: Track, *names: str) -> Int[np.ndarray, " jump"]:
+    """Scans of a track that no line may lead to: after a gap, or across the ends of the circle.
+
+    Parameters
+    ----------
+    track : of a result.
+    names : components that are drawn.
+    """
+    time = np.diff(track.time)
+    far = time > 2.5 * np.median(time) if time.size else np.zeros(0, bool)
+    for name in names:
+        if track.units.get(name) == "degree":
+            far = far | (np.abs(np.diff(track.mean[name])) > 180)
+    return np.flatnonzero(far) + 1
+
+
+def draw_paths(
+    axes: Axes, data: xr.Dataset, across: str, up: str, deviations: bool = False, colour: str = TRACK
+) -> None:
     """Each track as a line with its label at its start.
 
     Parameters
@@ -45,13 +66,12 @@ def draw_paths(axes: Axes, data: xr.Dataset, across: str, up: str, deviations: b
     """
     for track in tracks_of(data):
         x, y = (np.asarray(track.time if name == "time" else track.mean[name], float) for name in (across, up))
-        # A line that jumps across the ends of the circle would cross the picture.
-        jumps = np.flatnonzero(np.abs(np.diff(y)) > 180) + 1 if track.units.get(up) == "degree" else np.array([], int)
+        breaks = jumps(track, across, up)
         offsets = ((0, 1.6), (-2, 0.7), (2, 0.7)) if deviations else ((0, 1.0),)
         for offset, width in offsets:
-            line = np.insert(y + offset * track.std[up] if offset else y, jumps, np.nan)
-            axes.plot(np.insert(x, jumps, np.nan), line, color=TRACK, linewidth=width)
-        mark_label(axes, track.label, (x[0], y[0]), None if deviations else 8)
+            line = np.insert(y + offset * track.std[up] if offset else y, breaks, np.nan)
+            axes.plot(np.insert(x, breaks, np.nan), line, color=colour, linewidth=width)
+        mark_label(axes, track.label, (x[0], y[0]), None if deviations else 8, colour)
 
 
 def draw_existence(axes: Axes, result: Result) -> None:
@@ -74,9 +94,13 @@ def draw_existence(axes: Axes, result: Result) -> None:
 def draw_component(axes: Axes, data: xr.Dataset, name: str, colour: str = LINE, deviations: float = 2) -> None:
     """A component of the tracks over time, with a band of so many standard deviations."""
     for track in tracks_of(data):
-        middle, std = track.mean[name], deviations * track.std[name]
-        axes.plot(track.time, middle, color=colour, linewidth=1.2)
-        axes.fill_between(track.time, middle - std, middle + std, color=colour, alpha=0.25, linewidth=0)
+        breaks = jumps(track, name)
+        time, middle, std = (
+            np.insert(np.asarray(values, float), breaks, np.nan)
+            for values in (track.time, track.mean[name], deviations * track.std[name])
+        )
+        axes.plot(time, middle, color=colour, linewidth=1.2)
+        axes.fill_between(time, middle - std, middle + std, color=colour, alpha=0.25, linewidth=0)
     axes.set_ylabel(f"{name.replace('_', ' ')} ({units(data)[name]})")
     axes.grid(alpha=0.3)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from faintrack.errors import InputError
+from faintrack.results.folder import OURS
 from faintrack.results.result import Result
 from faintrack.results.schema import column, places, rates, units
 from faintrack.results.track import DEGREES
@@ -85,16 +86,43 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def write_report(path: str | Path, result: Result) -> Path:
-    """Write the report of a result as one self-contained HTML file, beside its place first and then renamed.
+    """Write the report of a result as one self-contained HTML file; returns its path.
 
-    Returns
-    -------
-    The path.
+    Raises
+    ------
+    InputError : as `write_html`.
     """
-    path = Path(path)
-    if path.exists() and not path.is_file():
+    require_file(path)
+    return write_html(path, report(result, _beside(Path(path))))
+
+
+def _beside(path: Path) -> list[str]:
+    """Files of a result that lie beside its report."""
+    names = [name for name in OURS if name not in ("report.html", "result.zarr")]
+    whole = (path.parent / "result.zarr").is_dir()
+    return [name for name in names if whole and (path.parent / name).is_file()]
+
+
+def require_file(path: str | Path) -> None:
+    """Refuse a path that is something else than a file.
+
+    Raises
+    ------
+    InputError : it is.
+    """
+    if Path(path).exists() and not Path(path).is_file():
         raise InputError(f"{path} cannot be written: it is no file.")
-    text = report(result)
+
+
+def write_html(path: str | Path, text: str) -> Path:
+    """Write a page, beside its place first and then renamed; returns its path.
+
+    Raises
+    ------
+    InputError : the file cannot be written.
+    """
+    require_file(path)
+    path = Path(path)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
     except OSError as error:
@@ -111,8 +139,19 @@ def write_report(path: str | Path, result: Result) -> Path:
     return path
 
 
-def report(result: Result) -> str:
-    """HTML text of a report."""
+def report(result: Result, beside: Sequence[str] = ()) -> str:
+    """HTML text of a report.
+
+    Parameters
+    ----------
+    result : of a run.
+    beside : names of files that lie beside it; they are linked.
+    """
+    # Views read tracks, tables and pictures; a program that only tables are asked of does without.
+    from faintrack.results.views import script
+
+    links = ", ".join(f'<a href="{html.escape(name)}">{html.escape(name)}</a>' for name in beside)
+    data = f"<p>Data: {links}</p>" if links else ""
     facts = {**result.kind.about(result), **_counts(result)}
     rows = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(value)}</dd>" for name, value in facts.items())
     files = str(result.data.attrs["source"]).split(" and ")
@@ -123,7 +162,8 @@ def report(result: Result) -> str:
 <title>faintrack: {name}</title><style>{STYLE}</style></head><body>
 <h1>{_count(len(result.tracks))} in {name}</h1>
 <dl>{rows}</dl>{_listed("Not as the model has it", result.misfits)}{_listed("Assumed, left out", result.remarks)}
-<h2>Tracks</h2>{track_table(result)}{_truth(result)}
+<h2>Tracks</h2>{track_table(result)}{data}{_truth(result)}
+<h2>To look closer</h2>{script(result)}
 <h2>{shown}</h2>
 <img alt="{shown}, with the tracks" src="{_picture(result)}">
 <h2>Scenario</h2><details><summary>What was run</summary><pre>{html.escape(to_toml(result.scenario))}</pre></details>

@@ -79,6 +79,15 @@ class Result:
         self.report(saved / "report.html")
         return saved
 
+    def export(self, path: str | Path, to: str | None = None) -> Path:
+        """Write the tracks for another program, in the format of the path's end or of a name; returns the path.
+
+        Formats: `faintrack.results.exports.FORMATS`.
+        """
+        from faintrack.results.exports import export
+
+        return export(self, path, to)
+
     def to_dataframe(self) -> "pd.DataFrame":
         """Estimates of all tracks, one row a track and scan; the columns are those of `states.csv`."""
         import pandas as pd

@@ -140,8 +140,7 @@ def to_stonesoup(tracks: Sequence[Track]) -> list[Any]:
     made = []
     for track in tracks:
         names = list(track.mean)
-        order = [name for place in track.place for name in (place, track.rates.get(place)) if name in names]
-        order += [name for name in names if name not in order]
+        order = track.with_rates
         index = [names.index(name) for name in order]
         scale = np.array([np.radians(1.0) if track.units[name].startswith("degree") else 1.0 for name in order])
         start = np.datetime64(0, "us") if track.start_time is None else track.start_time.astype("datetime64[us]")

@@ -82,6 +82,13 @@ class Track:
         lasted = self.end_s - self.start_s
         return math.hypot(*ways) / lasted if lasted > 0 else 0.0
 
+    @property
+    def with_rates(self) -> list[str]:
+        """Components, each place followed by its rate, as (x, vx, y, vy), then the others."""
+        names = list(self.mean)
+        order = [name for place in self.place for name in (place, self.rates.get(place)) if name in names]
+        return order + [name for name in names if name not in order]
+
     def average(self, name: str) -> float:
         """Mean of a component over the track, each scan weighted by its certainty; angles on the circle."""
         certainty = 1 / np.maximum(self.std[name], 1e-6) ** 2
