@@ -129,8 +129,9 @@ def with_true_bearing(estimates: Any, heading: Float[np.ndarray, " frame"]) -> A
 
     Examples
     --------
+    >>> import jax.numpy as jnp
     >>> from faintrack.targets.states import SidedState
-    >>> mean = SidedState(np.array([1.0]), np.zeros(1), np.zeros(1), np.array([-0.8]))
+    >>> mean = SidedState(jnp.array([1.0]), jnp.zeros(1), jnp.zeros(1), jnp.array([-0.8]))
     >>> say = SimpleNamespace(mean=mean, covariance=np.diag([0.04, 1.0, 1.0, 0.36])[None])
     >>> say = with_true_bearing(say, np.array([3.0]))
     >>> say.mean.true_bearing.tolist(), say.mean.starboard.round(3).tolist(), say.covariance[0, 3, 3].round(3).item()
