@@ -1,8 +1,9 @@
 """What a state is made of: named components, and what is known of each.
 
 A state is any dataclass that JAX takes for a tree, an `equinox.Module` for one; its fields are its components. It may
-say two things of them in class variables: `angles` names those that are averaged as directions, `rates` tells the rate
-of each component that has one. A state that says neither has no angles and no rates.
+say three things of them in class variables: `angles` names those that are averaged as directions, `rates` tells the
+rate of each component that has one, `signs` names those that are 1 or -1 and have nothing between. A state that says
+none of it has no angles, no rates and no signs.
 """
 
 import dataclasses
@@ -45,3 +46,15 @@ def rates(state: Any) -> Mapping[str, str]:
     {'x': 'vx', 'y': 'vy'}
     """
     return getattr(state, "rates", {})
+
+
+def signs(state: Any) -> tuple[str, ...]:
+    """Components of a state, or of a kind of state, that are 1 or -1; none where it names none.
+
+    Examples
+    --------
+    >>> from faintrack.targets.states import SidedState
+    >>> signs(SidedState)
+    ('side',)
+    """
+    return getattr(state, "signs", ())

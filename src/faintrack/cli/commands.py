@@ -28,6 +28,9 @@ Settings = Annotated[
     typer.Option("--set", metavar="SECTION.FIELD=VALUE", help="A field of the scenario; may be given several times."),
 ]
 ArrayFile = Annotated[Path | None, typer.Option(help="TOML or Acoular XML with the channels' positions.")]
+HeadingFile = Annotated[
+    Path | None, typer.Option(help="CSV with time_s and heading_deg, of an array that turns; bearings become true.")
+]
 Band = Annotated[tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequencies to use; Hz.")]
 Frame = Annotated[float | None, typer.Option(metavar="SECONDS", help="Between scans of a recording; 1 s if not given.")]
 FalseTracks = Annotated[
@@ -119,6 +122,7 @@ def track(
     scenario: ScenarioFile = None,
     kind: KindName = None,
     array: ArrayFile = None,
+    heading: HeadingFile = None,
     band: Band = None,
     frame: Frame = None,
     method: Method = None,
@@ -145,7 +149,7 @@ def track(
     from faintrack.cli.progress import progress_bar
     from faintrack.cli.tables import print_result
 
-    sections = sections_of(settings, kind, array, band, frame, method)
+    sections = sections_of(settings, kind, array, band, frame, method, heading)
     said: list[str] = []
 
     def tell(sentence: str) -> None:

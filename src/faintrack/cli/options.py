@@ -15,13 +15,14 @@ def sections_of(
     band: tuple[float, float] | None = None,
     frame: float | None = None,
     method: str | None = None,
+    heading: Path | None = None,
 ) -> dict[str, Any]:
     """Sections that options give, those that were not given left out.
 
     Parameters
     ----------
     settings : texts such as "analysis.band=[100, 1500]"; the value is TOML, or a text that is none.
-    kind, array, band, frame, method : options with names of their own.
+    kind, array, band, frame, method, heading : options with names of their own.
 
     Raises
     ------
@@ -34,7 +35,7 @@ def sections_of(
     """
     analysis = {name: value for name, value in (("band", band), ("frame", frame)) if value is not None}
     tracker = {} if method is None else {"method": method}
-    named: dict[str, Any] = {"kind": kind, "array": array, "analysis": analysis, "tracker": tracker}
+    named: dict[str, Any] = {"kind": kind, "array": array, "heading": heading, "analysis": analysis, "tracker": tracker}
     sections = {name: value for name, value in named.items() if value}
     for text in settings or ():
         path, equals, value = text.partition("=")

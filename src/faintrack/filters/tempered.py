@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief, moments, update
-from faintrack.beliefs.components import angles, components
+from faintrack.beliefs.components import angles, components, signs
 from faintrack.numerics.draws import normal
 from faintrack.numerics.precision import full_precision
 from faintrack.numerics.resampling import systematic
@@ -112,6 +112,8 @@ def apart(belief: Belief, key: PRNGKeyArray, count: int | None = None) -> Belief
     moves = (root * scale[:, None]) @ normal(key=for_move, shape=(len(scale), count), dtype=matrix.dtype)
     moved = {}
     for number, (name, values) in enumerate(components(states).items()):
+        if name in signs(states):
+            continue
         at = getattr(middle, name)
         off = values - at
         if name in angles(states):

@@ -36,15 +36,19 @@ def commented_scenario(name: str) -> str:
     kind = kind_named(name)
     model = kind.scenario
     lines = [f"# What to run with data of the kind {kind.name}: {kind.title.lower()}.", "", f'kind = "{kind.name}"']
-    for field, about in model.model_fields.items():
-        if field != "kind":
-            lines += ["", *_section(field, about, texts_of(model))]
+    texts = texts_of(model)
+    sections = {field: about for field, about in model.model_fields.items() if any(models_of(about.annotation))}
+    # What is no section stands above the first one, to which it would belong below it.
+    for field in [name for name in model.model_fields if name not in sections and name != "kind"]:
+        lines += ["", *_comment(texts.get(field, "")), f"# {field} ="]
+    for field, about in sections.items():
+        lines += ["", *_section(field, about, texts)]
     return "\n".join(lines) + "\n"
 
 
 def _section(name: str, field: FieldInfo, texts: dict[str, str]) -> Iterator[str]:
     """Lines of a section; commented out where it need not be there."""
-    model = next(iter(models_of(field.annotation)))
+    model = next(models_of(field.annotation))
     listed = "tuple" in str(field.annotation) or "list" in str(field.annotation)
     optional = not field.is_required() and field.default is None
     mark = "# " if optional else ""

@@ -340,7 +340,9 @@ def scenario_given(scenario: Any, sections: Mapping[str, Any]) -> Given:
     if isinstance(scenario, str | Path):
         # Paths in the file are relative to it; those given beside it are relative to where the program runs.
         beside = {
-            name: str(Path(value).absolute()) if name == "array" and isinstance(value, str | Path) else value
+            name: str(Path(value).absolute())
+            if name in ("array", "heading") and isinstance(value, str | Path)
+            else value
             for name, value in sections.items()
         }
         return Given(merged(read_toml(scenario), beside), scenario, Path(scenario).parent)

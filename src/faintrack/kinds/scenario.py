@@ -101,16 +101,21 @@ def kind_of_sections(sections: Sections, source: object = None) -> str | None:
     ------
     InputError : the sections are of two kinds.
     """
-    from faintrack.kinds import kinds
+    from faintrack.kinds import kind_named, kinds
 
     if sections.get("kind") is not None:
         return str(sections["kind"])
     able = [kind.name for kind in kinds() if set(sections) <= set(kind.scenario.model_fields)]
-    if len(able) == 1:
-        return able[0]
     if not able:
         _refuse_mixture(sections, source)
-    return None
+    # Of several those whose needs are met.
+    whole = [name for name in able if needed(kind_named(name).scenario) <= set(sections)]
+    return next(iter(able if len(able) == 1 else whole if len(whole) == 1 else ()), None)
+
+
+def needed(scenario: type[Scenario]) -> set[str]:
+    """Sections without which there is no scenario of a class."""
+    return {name for name, field in scenario.model_fields.items() if field.is_required()}
 
 
 def _refuse_mixture(sections: Sections, source: object) -> None:

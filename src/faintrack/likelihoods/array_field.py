@@ -60,7 +60,7 @@ from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.signal.array_background import NoiseModes
 from faintrack.signal.beamformer import Beamformer
-from faintrack.targets.states import BearingState, WaveState
+from faintrack.targets.states import Direction, WaveState
 
 ORDERS = 4
 """Of the patterns along the array that a snapshot of finite length leaves of a wave."""
@@ -142,7 +142,7 @@ class Sources(eqx.Module):
     elevation_deviation: Float[Array, "*source"] | None = None
 
 
-def source_of(states: BearingState | WaveState, log_weights: Float[Array, " point"]) -> Sources:
+def source_of(states: Direction, log_weights: Float[Array, " point"]) -> Sources:
     """One source, certain to be there, from the points of its belief."""
     weights = jnp.exp(log_weights)
     sine, cosine = sine_cosine(states.bearing)
@@ -390,9 +390,7 @@ def coherence(
     return jnp.mean(jnp.abs(products) ** 2, axis=0) / jnp.sum(alive) ** 2
 
 
-def alike(
-    grid: BeamGrid, states: BearingState | WaveState, centres: BearingState | WaveState
-) -> Bool[Array, "centre *points"]:
+def alike(grid: BeamGrid, states: Direction, centres: Direction) -> Bool[Array, "centre *points"]:
     """Which directions are alike to those of the centres, taken at the nearest beams."""
     elevation = centres.elevation if isinstance(centres, WaveState) else None
     close = coherence(grid, centres.bearing, states.bearing.dtype, elevation) > COHERENT

@@ -12,6 +12,7 @@ so stand for
 the birth density, as Monte Carlo integration with importance sampling does, and land where they can matter.
 """
 
+import dataclasses
 from typing import Protocol, runtime_checkable
 
 import jax
@@ -20,7 +21,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.numerics.resampling import systematic
 from faintrack.sensors.beams import BeamGrid, BeamScan
-from faintrack.targets.states import BearingState, WaveState
+from faintrack.targets.states import Direction, WaveState
 from faintrack.targets.target import UniformBirth
 
 EVERYWHERE = 0.5
@@ -44,7 +45,7 @@ class Tabled(Protocol):
 
 def along_beams(
     likelihood: Tabled, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
-) -> tuple[BearingState | WaveState, Float[Array, " count"]]:
+) -> tuple[Direction, Float[Array, " count"]]:
     """Draw states from a birth density over all bearings, more of them where a scan points.
 
     Parameters
@@ -76,8 +77,8 @@ def along_beams(
     bearing = first + (row + place[0]) * spacing
     step_db = (birth.high.snr_db - birth.low.snr_db) / SNR_CELLS
     states = birth.sample(for_rest, count)
-    drawn = BearingState(
-        bearing.astype(table.dtype), states.bearing_rate, birth.low.snr_db + (column + place[1]) * step_db
+    drawn = dataclasses.replace(
+        states, bearing=bearing.astype(table.dtype), snr_db=birth.low.snr_db + (column + place[1]) * step_db
     )
     return drawn, -jnp.log(share[chosen] * cells.size)
 

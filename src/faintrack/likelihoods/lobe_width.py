@@ -21,7 +21,7 @@ from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.spectra import beams_of
-from faintrack.targets.states import BearingState, WaveState
+from faintrack.targets.states import BearingState, Direction, SidedState
 from faintrack.targets.target import UniformBirth
 
 
@@ -43,18 +43,18 @@ class LobeWidth(eqx.Module):
         """Log ratio at every bearing of the grid, the same at every SNR."""
         return jnp.broadcast_to(self._log_ratios(scan)[:, None], (self.grid.beams, snr_db.size))
 
-    def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
+    def log_ratio(self, scan: BeamScan, states: BearingState | SidedState) -> Float[Array, "*points"]:
         """Natural log of the module's ratio at the states' bearings; the SNR is not read."""
         return read(self._log_ratios(scan), bearing_neighbours(self.grid, states.bearing))
 
     def propose(
         self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
-    ) -> tuple[BearingState | WaveState, Float[Array, " count"]]:
+    ) -> tuple[Direction, Float[Array, " count"]]:
         """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
         return along_beams(self, scan, birth, key, count)
 
     def simulate(
-        self, scan: BeamScan, states: BearingState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+        self, scan: BeamScan, states: BearingState | SidedState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
     ) -> BeamScan:
         """Scan of a white source in white noise of power 1, see `faintrack.sensors.spectra.beams_of`."""
         return beams_of(self.grid, scan, states, present, 1.0, key)

@@ -64,7 +64,7 @@ from faintrack.likelihoods.interpolation import (
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.spectra import beams_of
 from faintrack.signal.beamformer import Beamformer
-from faintrack.targets.states import BearingState, WaveState
+from faintrack.targets.states import Direction, WaveState
 from faintrack.targets.target import UniformBirth
 
 MOST_CHANNELS = 1000
@@ -103,7 +103,7 @@ class Zoomed(eqx.Module):
     elevation: Float[Array, ""] | None = None
     reach_up: Float[Array, ""] | None = None
 
-    def log_ratio(self, states: BearingState | WaveState) -> Float[Array, "*points"]:
+    def log_ratio(self, states: Direction) -> Float[Array, "*points"]:
         """Natural log of p(scan | source at state) / p(scan | no source); states beyond are read at the ends."""
         off = states.bearing - self.bearing
         off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
@@ -203,7 +203,7 @@ class UnknownNoise(eqx.Module):
         return self.grid.snapshots * self.grid.independent
 
     @eqx.filter_jit
-    def log_ratio(self, scan: BeamScan, states: BearingState | WaveState) -> Float[Array, "*points"]:
+    def log_ratio(self, scan: BeamScan, states: Direction) -> Float[Array, "*points"]:
         r"""Natural log of p(scan | source at state) / p(scan | no source).
 
         Parameters
@@ -227,7 +227,7 @@ class UnknownNoise(eqx.Module):
         rings = table.reshape(self.grid.rings, self.grid.beams, -1)
         return read_space(rings, elevation_neighbours(self.grid, states.elevation), of_bearing, inside)
 
-    def part(self, scan: BeamScan, states: BearingState | WaveState, log_weights: Float[Array, " point"]) -> Sources:
+    def part(self, scan: BeamScan, states: Direction, log_weights: Float[Array, " point"]) -> Sources:
         """A source, see `faintrack.likelihoods.array_field`."""
         return source_of(states, log_weights)
 
@@ -241,13 +241,11 @@ class UnknownNoise(eqx.Module):
         assert self.beamformer is not None
         return with_beams(self.beamformer, scan)
 
-    def alike(
-        self, scan: BeamScan, states: BearingState | WaveState, centres: BearingState | WaveState
-    ) -> Bool[Array, "centre *points"]:
+    def alike(self, scan: BeamScan, states: Direction, centres: Direction) -> Bool[Array, "centre *points"]:
         """Which states are one source to the array with those of the centres."""
         return alike(self.grid, states, centres)
 
-    def zoomed(self, scan: BeamScan, states: BearingState | WaveState, log_weights: Float[Array, " point"]) -> Zoomed:
+    def zoomed(self, scan: BeamScan, states: Direction, log_weights: Float[Array, " point"]) -> Zoomed:
         """What a scan says near a belief, in directions of its own."""
         assert scan.spectra is not None, "a scan that is looked at closely has its spectra"
         assert self.grid.array is not None, "an array that is looked at closely is known"
@@ -276,12 +274,12 @@ class UnknownNoise(eqx.Module):
 
     def propose(
         self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
-    ) -> tuple[BearingState | WaveState, Float[Array, " count"]]:
+    ) -> tuple[Direction, Float[Array, " count"]]:
         """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
         return along_beams(self, scan, birth, key, count)
 
     def simulate(
-        self, scan: BeamScan, states: BearingState | WaveState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+        self, scan: BeamScan, states: Direction, present: Bool[Array, ""] | bool, key: PRNGKeyArray
     ) -> BeamScan:
         """Scan drawn from the module's model, with noise of power 1: the ratio is the same for any."""
         return beams_of(self.grid, scan, states, present, 1.0, key)

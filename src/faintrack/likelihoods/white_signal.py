@@ -24,7 +24,7 @@ from faintrack.likelihoods.beam_proposal import along_beams
 from faintrack.likelihoods.interpolation import bearing_neighbours, read
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.spectra import beams_of
-from faintrack.targets.states import BearingState, WaveState
+from faintrack.targets.states import BearingState, Direction, SidedState
 from faintrack.targets.target import UniformBirth
 
 
@@ -45,7 +45,7 @@ class WhiteSignal(eqx.Module):
         """Log ratio at every bearing of the grid and the given SNR; dB."""
         return self._ratio(scan, self._powers(scan)[:, None], snr_db)
 
-    def log_ratio(self, scan: BeamScan, states: BearingState) -> Float[Array, "*points"]:
+    def log_ratio(self, scan: BeamScan, states: BearingState | SidedState) -> Float[Array, "*points"]:
         r"""Natural log of p(scan | source at state) / p(scan | no source).
 
         Parameters
@@ -62,12 +62,12 @@ class WhiteSignal(eqx.Module):
 
     def propose(
         self, scan: BeamScan, birth: UniformBirth, key: PRNGKeyArray, count: int
-    ) -> tuple[BearingState | WaveState, Float[Array, " count"]]:
+    ) -> tuple[Direction, Float[Array, " count"]]:
         """New targets where the beams are loud, see `faintrack.likelihoods.beam_proposal`."""
         return along_beams(self, scan, birth, key, count)
 
     def simulate(
-        self, scan: BeamScan, states: BearingState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
+        self, scan: BeamScan, states: BearingState | SidedState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
     ) -> BeamScan:
         """Scan drawn from the module's model, see `faintrack.sensors.spectra.beams_of`."""
         return beams_of(self.grid, scan, states, present, self.noise_power, key)

@@ -22,7 +22,7 @@ from faintrack.numerics.precision import full_precision
 from faintrack.numerics.trigonometry import sine_cosine
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan, steering
-from faintrack.targets.states import BearingState, WaveState
+from faintrack.targets.states import Direction, WaveState
 
 
 def pairs_of(key: PRNGKeyArray, array: SensorArray, grid: BeamGrid, dtype: Any) -> Complex[Array, " pair"]:
@@ -65,7 +65,7 @@ def received(
 def beams_of(
     grid: BeamGrid,
     scan: BeamScan,
-    state: BearingState | WaveState,
+    state: Direction,
     present: Bool[Array, ""] | bool,
     noise_power: Float[Array, "*frequency"] | float,
     key: PRNGKeyArray,

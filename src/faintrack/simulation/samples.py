@@ -9,7 +9,7 @@ with Hann windows, which sum to one. Blocks depend on seed and place alone, so m
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +57,7 @@ def draw_samples(
     seed: int = 0,
     noise_power: float = 1.0,
     noise_slope_db: float = 0.0,
+    heading: Callable[[float], float] | None = None,
 ) -> Iterator[np.ndarray]:
     """Yield blocks of samples, shape (time, channel), float32, until the duration is full.
 
@@ -69,6 +70,8 @@ def draw_samples(
     seed : the same seed gives the same samples.
     noise_power : variance of the noise in each channel, independent between channels.
     noise_slope_db : of the noise's spectrum, dB per octave; 0 for white noise.
+    heading : of an array that turns, at a time; radians. Bearings of sources are then true, and the directions of the
+        array those at heading 0, of a line that of its axis.
 
     Examples
     --------
@@ -107,7 +110,8 @@ def draw_samples(
             near = np.concatenate([waveform(index, number + i) for i in range(-1, 3)])
             if near.any():
                 elevation = np.asarray(source.elevation) if source.elevation else None
-                delays = array.delays(source.bearing_at(middle), elevation)
+                ahead = 0.0 if heading is None else heading(middle)
+                delays = array.delays(np.asarray(source.bearing_at(middle) - ahead), elevation)
                 spectrum = np.fft.rfft(near)[:, None] * np.exp(-2j * np.pi * frequency[:, None] * delays)
                 heard += np.fft.irfft(spectrum, 4 * hop, axis=0)[hop : 3 * hop]
         return heard * window

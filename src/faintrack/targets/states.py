@@ -4,8 +4,8 @@ For particles every component has the shape (n,). On a grid they are open meshes
 `x` then costs nx evaluations. Nothing in the package relies on the order of components.
 
 A state needs nothing but its fields: one of a user's own may be any dataclass that JAX takes for a tree. `angles` names
-the components that are averaged as directions, `rates` tells the rate of each component that has one; a state without
-such has neither.
+the components that are averaged as directions, `rates` tells the rate of each component that has one, `signs` names
+those that are 1 or -1; a state without such has none.
 """
 
 from typing import ClassVar
@@ -31,6 +31,26 @@ class BearingState(eqx.Module):
     rates: ClassVar[dict[str, str]] = {"bearing": "bearing_rate"}
 
 
+class SidedState(eqx.Module):
+    """As `BearingState`, off the axis of a line of which the heading is known, on one of its two sides.
+
+    Attributes
+    ----------
+    bearing : from the axis, 0 to pi; radians.
+    bearing_rate : of a line that keeps its heading; radians a second.
+    snr_db : power of the source over power of the noise at one channel, in the band that is analysed; dB.
+    side : 1 to starboard, clockwise from the axis, -1 to port; 0 of a new target, which may be on either.
+    """
+
+    bearing: Float[Array, "..."]
+    bearing_rate: Float[Array, "..."]
+    snr_db: Float[Array, "..."]
+    side: Float[Array, "..."]
+    angles: ClassVar[tuple[str, ...]] = ("bearing",)
+    rates: ClassVar[dict[str, str]] = {"bearing": "bearing_rate"}
+    signs: ClassVar[tuple[str, ...]] = ("side",)
+
+
 class WaveState(eqx.Module):
     """As `BearingState`, of a wave that need not be level.
 
@@ -48,6 +68,10 @@ class WaveState(eqx.Module):
     elevation: Float[Array, "..."]
     angles: ClassVar[tuple[str, ...]] = ("bearing",)
     rates: ClassVar[dict[str, str]] = {"bearing": "bearing_rate"}
+
+
+Direction = BearingState | SidedState | WaveState
+"""What an array tells of a source."""
 
 
 class RangeState(eqx.Module):

@@ -1,5 +1,6 @@
 """From the sections of a scenario to the objects that do the work: units are converted here, once."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -22,8 +23,9 @@ from faintrack.sensors.beams import BeamGrid, lobe_width
 from faintrack.signal.array_background import ArrayBackground, array_background
 from faintrack.signal.beamformer import Beamformer
 from faintrack.targets.motion import BearingMotion, WaveMotion
-from faintrack.targets.states import BearingState, WaveState
+from faintrack.targets.states import BearingState, SidedState, WaveState
 from faintrack.targets.target import Target, UniformBirth
+from faintrack.targets.turning import SidedMotion
 from faintrack.trackers.many import ManyTargetsTracker
 
 FAINTEST = 0.02
@@ -49,7 +51,7 @@ def build_tracker(
     noise_power : shape (frequency,); measured, where the scenario asks for that.
     """
     snr_db = scenario.target.snr_db or default_snr_db(array, plan.grid)
-    target = build_target(scenario.target, snr_db, plan.grid.circular)
+    target = build_target(scenario.target, snr_db, plan.grid.circular, scenario.heading is not None)
     if scenario.tracker.method == "cfar":
         return build_baseline(scenario, array, plan, target)
     table = scenario.likelihood
@@ -110,14 +112,19 @@ def build_baseline(scenario: RecordingScenario, array: SensorArray, plan: Beamfo
     )
 
 
-def build_target(table: SourceTargetSection, snr_db: tuple[float, float], circular: bool) -> Target:
-    """Target of a scenario on a line array's half circle, or on the full circle."""
+def build_target(
+    table: SourceTargetSection, snr_db: tuple[float, float], circular: bool, turns: bool = False
+) -> Target:
+    """Target of a scenario on a line array's half circle, of one that turns with its side, or on the full circle."""
     first, last = (-math.pi, math.pi) if circular else (0.0, math.pi)
     rate = math.radians(table.bearing_rate_deg)
     low, high = snr_db
     noise = math.radians(table.bearing_rate_noise_deg)
     level = BearingMotion(noise, table.snr_noise_db, low, high, circular)
     ends, rates = ((first, -rate, low), (last, rate, high)), (table.arrival_rate, table.departure_rate)
+    if turns and not circular:
+        birth = UniformBirth(*(_corner(SidedState, *values, 0.0) for values in ends))
+        return Target(birth, SidedMotion(dataclasses.replace(level, circular=True)), *rates)
     if table.elevation_deg is None:
         return Target(UniformBirth(*(_corner(BearingState, *values) for values in ends)), level, *rates)
     lowest, highest = (math.radians(elevation) for elevation in table.elevation_deg)

@@ -22,6 +22,7 @@ from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
 from faintrack.kinds.recording.build import build_background, build_tracker, default_snr_db
 from faintrack.kinds.recording.channels import FRAMES, LoudFrames
+from faintrack.kinds.recording.heading import STARBOARD, TRUE_BEARING, read_course, with_true_bearing
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.kinds.recording.trace import COMPONENTS, with_trace_velocity
 from faintrack.kinds.several import Tracker, about_targets, with_targets
@@ -35,6 +36,7 @@ from faintrack.signal.array_background import ArrayBackground, Learnt
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies
 from faintrack.signal.frames import framed, frames
+from faintrack.targets.turning import turned_beliefs
 from faintrack.trackers.many import Hand
 
 BLOCK_BYTES = 8 * 2**20
@@ -55,22 +57,26 @@ class RecordingStep(eqx.Module):
     background: ArrayBackground | None
     tracker: Tracker | DetectAndTrack
 
-    def scans(self, block: tuple[Array, Array, Array]) -> tuple[BeamScan, Float[Array, "frame beam"]]:
-        """Scans of time, samples and usable channels of some frames, and the rows of the record in dB.
+    def scans(
+        self, block: tuple[Array, Array, Array, Array | None]
+    ) -> tuple[BeamScan, Float[Array, "frame beam"], Float[Array, "frame 2"] | None]:
+        """Scans of time, samples, usable channels and turns of some frames, rows of the record in dB, and the turns.
 
         Of several rings of beams a row has the loudest at every bearing.
         """
-        scans, grid = self.beamformer.scan(*block), self.beamformer.grid
+        scans, grid = self.beamformer.scan(*block[:3]), self.beamformer.grid
         record = energies(scans)
         if grid.elevations:
             record = jnp.max(record.reshape(-1, grid.rings, grid.beams), axis=1)
-        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(record), 1e-6))
+        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(record), 1e-6)), block[3]
 
     def advance(
-        self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"]], key: PRNGKeyArray
+        self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"], Float[Array, " 2"] | None], key: PRNGKeyArray
     ) -> tuple[Any, tuple[Any, Float[Array, " beam"]]]:
         """As `faintrack.kinds.kind.Step.advance`."""
-        (memory, following), (frame, row) = state, scan
+        (memory, following), (frame, row, turn) = state, scan
+        if turn is not None:
+            following = turned_beliefs(following, *turn)
         if self.background is None:
             following, estimate = self.tracker.step(following, frame, key)
             return (memory, following), (estimate, row)
@@ -131,6 +137,10 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     with naming(recording.source):
         tracker = build_tracker(scenario, array, beamformer, noise_power)
     background = build_background(scenario, tracker, beamformer)
+    course = None
+    if scenario.heading is not None:
+        lobe = lobe_width(array, float(beamformer.grid.frequency[-1]))
+        course = read_course(scenario.heading, recording, array, analysis.frame, lobe)
     grid = beamformer.grid
     frame_bytes = 4 * max(grid.frequency.size * grid.beams * grid.rings, length * recording.channels)
     # Of a run that is taken up again it is not known what was heard before.
@@ -138,11 +148,12 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     loud = LoudFrames(beamformer)
     loudest_db, ends = (scenario.target.snr_db or default_snr_db(array, beamformer.grid))[1], set[int]()
 
-    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
         block = framed(clean.recording, length, start, min(stop, count) - start)
-        return block.time, block.samples, block.usable
+        turns = None if course is None else course.turns(start, start + len(block.time))
+        return block.time, block.samples, block.usable, turns
 
-    def rows(start: int, block: tuple[np.ndarray, ...], outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
+    def rows(start: int, block: tuple[Any, ...], outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
         usable = block[2]
         heard[:] &= start > 0
         np.logical_or(heard, usable.any(axis=0), out=heard)
@@ -151,7 +162,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         estimates = outputs[0]
         loud.take(start, block[1], np.asarray(estimates.existence).reshape(len(usable), -1), np.asarray(outputs[1]))
         ends.update(np.unique(estimates.label[np.asarray(estimates.mean.snr_db) > loudest_db - AT_END_DB]).tolist())
-        return _dataset(block[0], usable, *outputs, array, recording, scenario.analysis.frame)
+        heading = None if course is None else course.at(np.arange(start, start + len(usable)))
+        return _dataset(block[0], usable, *outputs, array, recording, scenario.analysis.frame, heading)
 
     def check() -> tuple[str, ...]:
         spread = LoudFrames(beamformer)
@@ -281,14 +293,21 @@ def _dataset(
     array: SensorArray,
     recording: Recording,
     frame: float,
+    heading: np.ndarray | None = None,
 ) -> xr.Dataset:
     """Estimates of consecutive frames in the schema, with the bearing-time record."""
     reference = NORTH if array.circular else AXIS
     masked = (~usable & array.alive).sum(axis=1).astype(np.int32)
     components = bearing(reference)
+    if heading is not None:
+        estimates = with_true_bearing(estimates, heading)
+        components = (*components, TRUE_BEARING, *(() if array.circular else (STARBOARD,)))
     if hasattr(estimates.mean, "elevation"):
         estimates, components = with_trace_velocity(estimates, array.sound_speed), (*components, *COMPONENTS)
     data = estimated(time, estimates, components)
+    if heading is not None:
+        degrees = np.degrees(heading) % 360
+        data["heading"] = of_scans(degrees, "degree", "heading of the array, of a line that of its axis")
     data["masked_channels"] = of_scans(masked, "1", "channels left out, samples missing", counted="masked_scans")
     data["record"] = (
         ("time", "beam"),

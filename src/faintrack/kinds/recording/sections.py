@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from faintrack.kinds.scenario import Scenario
 from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.array import ArraySection
-from faintrack.scenario.section import Pair, Section
+from faintrack.scenario.section import FilePath, Pair, Section
 from faintrack.scenario.sections import AnalysisSection, ManySection, ParticlesSection, TargetSection
 
 
@@ -187,11 +187,14 @@ class RecordingScenario(Scenario):
     Attributes
     ----------
     array : positions of the channels, as in a file of its own or the name of one; see `faintrack.scenario.array`.
+    heading : CSV file with the columns time_s and heading_deg, of an array that turns (`faintrack.io.headings`); what
+        the array has as its own directions is then at heading 0, and bearings of a simulation are true.
     alarm : when `faintrack live` calls someone; see `faintrack.scenario.alarm`.
     """
 
     kind: Literal["recording"] = "recording"
     array: ArraySection | None = None
+    heading: FilePath | None = None
     files: FilesSection = FilesSection()
     analysis: TaperedSection = TaperedSection()
     target: SourceTargetSection = SourceTargetSection()
@@ -215,4 +218,12 @@ class RecordingScenario(Scenario):
                     f'target.elevation_deg: tracker.method is "{self.tracker.method}", which hears level waves only; '
                     'expected "bernoulli"'
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _heading_is_read(self) -> "RecordingScenario":
+        if self.heading is not None and self.tracker.method != "bernoulli":
+            raise ValueError(
+                f'heading: tracker.method is "{self.tracker.method}", which knows of no turns; expected "bernoulli"'
+            )
         return self

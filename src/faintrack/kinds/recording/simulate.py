@@ -1,12 +1,15 @@
 """Recordings drawn from the model: sources in noise, or noise alone."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError
+from faintrack.io.headings import read_headings
+from faintrack.kinds.recording.heading import axis_heading
 from faintrack.kinds.recording.sections import RecordingScenario, SimulationSection
 from faintrack.results.truth import Known
 from faintrack.scenario.array import build
@@ -30,7 +33,7 @@ def simulate(scenario: RecordingScenario) -> Recording:
                 "which hears every wave of a cone about its axis alike; expected its angle from the axis as "
                 "bearing_deg, and no elevation."
             )
-    return _drawn(array, table, sources_of(table), table.seed)
+    return _drawn(array, table, sources_of(table), table.seed, _heading(scenario, array))
 
 
 def silence(scenario: RecordingScenario, seed: int) -> Recording:
@@ -40,13 +43,15 @@ def silence(scenario: RecordingScenario, seed: int) -> Recording:
 
 def targets(scenario: RecordingScenario) -> list[Known]:
     """Sources of a simulation, as results tell their bearings."""
-    circular = simulated_array(scenario).circular
+    array = simulated_array(scenario)
+    heading = _heading(scenario, array)
 
     def known(number: int, source: Source) -> Known:
         def at(times: np.ndarray) -> dict[str, np.ndarray]:
-            bearing = (np.degrees(source.bearing_at(times)) + 180) % 360 - 180
+            ahead = 0.0 if heading is None else heading(times)
+            bearing = (np.degrees(source.bearing_at(times) - ahead) + 180) % 360 - 180
             # A line hears a wave as from its mirror image.
-            bearing = bearing if circular else np.abs(bearing)
+            bearing = bearing if array.circular else np.abs(bearing)
             return {"bearing": np.where((times >= source.start) & (times < source.end), bearing, np.nan)}
 
         return Known(f"source {number}, {source.snr_db:g} dB", at)
@@ -93,7 +98,22 @@ def _simulation(scenario: RecordingScenario) -> SimulationSection:
     return scenario.simulation
 
 
-def _drawn(array: SensorArray, table: SimulationSection, sources: list[Source], seed: int) -> Recording:
+def _heading(scenario: RecordingScenario, array: SensorArray) -> Callable[[Any], Any] | None:
+    """Heading at times of an array that turns, of a line that of its axis; radians."""
+    if scenario.heading is None:
+        return None
+    times, degrees = read_headings(scenario.heading)
+    axis = axis_heading(array)
+    return lambda time: np.radians(np.interp(time, times, degrees)) + axis
+
+
+def _drawn(
+    array: SensorArray,
+    table: SimulationSection,
+    sources: list[Source],
+    seed: int,
+    heading: Callable[[Any], Any] | None = None,
+) -> Recording:
     """Recording whose samples are drawn when they are read; what was read before is drawn again from the start."""
     blocks: Iterator[np.ndarray] = iter(())
     held, position = np.empty((0, len(array.gains)), np.float32), -1
@@ -102,7 +122,14 @@ def _drawn(array: SensorArray, table: SimulationSection, sources: list[Source], 
         nonlocal blocks, held, position
         if position < 0 or start < position:
             blocks = draw_samples(
-                array, sources, table.duration, table.sample_rate, seed, table.noise_power, table.noise_slope_db
+                array,
+                sources,
+                table.duration,
+                table.sample_rate,
+                seed,
+                table.noise_power,
+                table.noise_slope_db,
+                heading,
             )
             held, position = held[:0], 0
         while position + len(held) < stop:

@@ -67,5 +67,4 @@ def with_trace_velocity(estimates: Any, sound_speed: float) -> Any:
     whole = np.concatenate([rows, column[..., None]], axis=-1)
     values = {name: getattr(mean, name) for name in names}
     state = TracedState(**values, trace_velocity=speed + second * variance / 2)
-    rest = {field.name: getattr(estimates, field.name) for field in dataclasses.fields(estimates)}
-    return SimpleNamespace(**rest | {"mean": state, "covariance": whole})
+    return SimpleNamespace(**vars(estimates) | {"mean": state, "covariance": whole})

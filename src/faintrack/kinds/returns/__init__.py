@@ -5,6 +5,7 @@ quiet bins over it (`faintrack.likelihoods.guided`), and a Bernoulli filter on t
 """
 
 from pathlib import Path
+from typing import Any
 
 from faintrack.data.returns import Returns
 from faintrack.kinds.kind import Kind
@@ -18,10 +19,33 @@ def _holds(paths: tuple[Path, ...]) -> bool:
     return len(paths) == 1 and "delay_s" in column_names(paths[0])
 
 
+def _takes(paths: tuple[Path, ...]) -> bool:
+    """Samples of hydrophones become returns."""
+    from faintrack.io.recordings import READERS
+
+    return not _holds(paths) and all(path.suffix.lower() in READERS for path in paths)
+
+
+def _write(path: Path, data: Any) -> None:
+    if isinstance(data, Returns):
+        from faintrack.io.returns import write_returns
+
+        write_returns(path, data)
+        return
+    from faintrack.io.write_recordings import write_recording
+    from faintrack.kinds.returns.hydrophones import blocks
+
+    write_recording(path, blocks(data), data.sample_rate, data.channel_names, data.start_time)
+
+
 def _read(paths: tuple[Path, ...], scenario: ReturnsScenario | None) -> Returns:
     from faintrack.errors import InputError
     from faintrack.io.returns import read_returns
 
+    if _takes(paths):
+        from faintrack.kinds.returns.hydrophones import read
+
+        return read(paths, scenario)
     if len(paths) > 1:
         raise InputError(f"{len(paths)} files of returns were given; expected one file.")
     return read_returns(paths[0])
@@ -63,7 +87,7 @@ KIND = Kind(
     data=Returns,
     holds=_holds,
     read=_read,
-    write=room("faintrack.io.returns", "write_returns"),
+    write=_write,
     plan=room("faintrack.kinds.returns.plan", "plan"),
     simulate=room("faintrack.kinds.returns.simulate", "simulate"),
     targets=room("faintrack.kinds.returns.simulate", "targets"),
@@ -73,6 +97,7 @@ KIND = Kind(
     draw=room("faintrack.kinds.returns.pictures", "draw"),
     shown="Position, velocity, existence, returns",
     needs=("--scenario FILE",),
+    takes=_takes,
     surrogate=lambda data, scenario, seed: room("faintrack.kinds.surrogates", "exchanged")(data, seed),
     stretch=room("faintrack.kinds.stretches", "of_returns"),
     gained=room("faintrack.kinds.promise", "gained_by_target"),

@@ -102,7 +102,7 @@ def build_sonar(table: SonarSection) -> ActiveSonar:
         pair = Bistatic(fixed(*table.source), fixed(*table.receiver), table.sound_speed)
     assert table.pulse is not None
     return ActiveSonar(
-        Pulse(**table.pulse.model_dump()),
+        Pulse(**table.pulse.model_dump(exclude={"sweep", "code", "replica"})),
         delay,
         table.beams,
         math.radians(table.beam_width_deg),

@@ -30,6 +30,7 @@ from faintrack.kinds.returns.build import (
     ping_interval,
 )
 from faintrack.kinds.returns.fit import Fit, FitOfPairs, about_pairs, fit_of_scan
+from faintrack.kinds.returns.hydrophones import with_tail
 from faintrack.kinds.returns.pairs import reported_by
 from faintrack.kinds.returns.sections import ReturnsScenario
 from faintrack.kinds.several import Tracker, with_targets
@@ -114,6 +115,7 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
     ------
     InputError : returns and scenario do not fit together.
     """
+    scenario = with_tail(scenario)
     with naming(returns.origin):
         parts, grid, interval = build_binned(scenario, returns), build_grid(scenario), ping_interval(returns)
         tracker = build_tracker(scenario, parts, grid, interval)

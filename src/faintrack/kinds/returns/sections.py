@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.array import ArraySection
 from faintrack.scenario.moving import PlanarTargets
-from faintrack.scenario.section import Pair, Section, problem
+from faintrack.scenario.section import FilePath, Pair, Section, problem
 from faintrack.scenario.sections import ManySection, SeedSection, TargetSection
 
 
@@ -21,12 +22,26 @@ class PulseSection(Section):
     duration : s.
     bandwidth : of a linear sweep; Hz; 0 for a pulse of constant frequency.
     factor : of the sinc's argument: pi for the matched filter of an ideal pulse, 1 as aughenbaugh2010 has it.
+    sweep : "linear" or "hyperbolic"; only the matched filter knows of it, what is expected of an echo is the first's.
+    code : signs of the chips of a coded pulse, for the matched filter; `bandwidth` is then one over a chip.
+    replica : file of samples of the pulse, for the matched filter, in place of all that.
     """
 
     frequency: float = Field(gt=0)
     duration: float = Field(gt=0)
     bandwidth: float = Field(default=0.0, ge=0)
     factor: float = Field(default=math.pi, gt=0)
+    sweep: Literal["linear", "hyperbolic"] = "linear"
+    code: Annotated[tuple[Literal[-1, 1], ...], Field(strict=False, min_length=2, max_length=10_000)] | None = None
+    replica: FilePath | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "PulseSection":
+        if self.bandwidth >= 2 * self.frequency:
+            raise ValueError(f"bandwidth is {self.bandwidth:g} Hz: expected less than twice the frequency")
+        if (self.sweep != "linear") + (self.code is not None) + (self.replica is not None) > 1:
+            raise ValueError("expected at most one of a hyperbolic sweep, a code and a replica")
+        return self
 
 
 Bins = Annotated[int, Field(ge=1, le=1_000_000)]
@@ -214,6 +229,37 @@ class BackgroundSection(Section):
         return self
 
 
+class ReceptionSection(Section):
+    """How samples of hydrophones become returns; see `faintrack.signal.matched_filter`.
+
+    Attributes
+    ----------
+    interval : from ping to ping, the first at `first_ping`; s. Or `ping_times`, one of both.
+    first_ping : s from the start of the recording.
+    ping_times : of transmission; s from the start of the recording.
+    guard, window : of the normaliser, bins of delay on either side that are left out, and averaged beyond them.
+    compensation_db : of range, before the normaliser: dB per decade of delay.
+    sample_rate : of a simulation; Hz.
+    """
+
+    interval: float | None = Field(default=None, gt=0, examples=[60.0])
+    first_ping: float = Field(default=0.0, ge=0)
+    ping_times: Annotated[tuple[float, ...], Field(strict=False, min_length=2)] | None = None
+    guard: int = Field(default=2, ge=0, le=1000)
+    window: int = Field(default=16, ge=2, le=10_000)
+    compensation_db: float = Field(default=0.0, ge=-100, le=100)
+    sample_rate: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _pings_are_known(self) -> "ReceptionSection":
+        if (self.interval is None) == (self.ping_times is None):
+            raise ValueError("expected exactly one of interval and ping_times")
+        times = self.ping_times or ()
+        if any(b <= a for a, b in itertools.pairwise(times)) or (times and times[0] < 0):
+            raise ValueError("ping_times: expected ascending seconds from the start of the recording")
+        return self
+
+
 class GridSection(Section):
     """Cells over which a target is looked for.
 
@@ -276,10 +322,17 @@ class SimulationSection(Section):
 
 
 class ReturnsScenario(Scenario):
-    """What to run with the returns of an active sonar."""
+    """What to run with the returns of an active sonar.
+
+    Attributes
+    ----------
+    array : positions of the hydrophones, where samples are given in place of returns.
+    """
 
     kind: Literal["returns"] = "returns"
+    array: ArraySection | None = None
     sonar: SonarSection
+    reception: ReceptionSection | None = None
     sources: Annotated[tuple[SourceSection, ...], Field(strict=False, min_length=1, max_length=16)] | None = None
     receivers: Annotated[tuple[ReceiverSection, ...], Field(strict=False, min_length=1, max_length=16)] | None = None
     background: BackgroundSection = BackgroundSection()

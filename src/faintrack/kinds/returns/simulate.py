@@ -9,10 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
+from faintrack.data.recording import Recording
 from faintrack.data.returns import Returns, together
 from faintrack.errors import InputError
 from faintrack.kinds.planar import Targets, known, states_of
 from faintrack.kinds.returns.build import build_likelihood, build_sonar
+from faintrack.kinds.returns.hydrophones import draw_samples
 from faintrack.kinds.returns.pairs import pairs_of
 from faintrack.kinds.returns.sections import ReturnsScenario, SimulationSection
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
@@ -22,14 +24,16 @@ from faintrack.signal.pings import from_pings
 from faintrack.simulation.active import capacity_for, draw_ping
 
 
-def simulate(scenario: ReturnsScenario) -> Returns:
-    """Returns that a scenario's `[simulation]` describes.
+def simulate(scenario: ReturnsScenario) -> Returns | Recording:
+    """Returns that a scenario's `[simulation]` describes, or with `[reception]` the samples of its hydrophones.
 
     Raises
     ------
     InputError : the scenario has no simulation, or does not say where source and receiver stand.
     """
     section = _simulation(scenario)
+    if scenario.reception is not None:
+        return draw_samples(scenario, section.targets, section.seed)
     return _drawn(scenario, section.targets, section.seed)
 
 
