@@ -8,7 +8,7 @@ arithmetic of its own.
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -105,7 +105,7 @@ class Watch:
                 return
             passed = self._passed_over(number)
             if passed:
-                self.checkpoint = Checkpoint(self.checkpoint.state, number + passed)
+                self.checkpoint = replace(self.checkpoint, scans=number + passed)
                 continue
             self.checkpoint, rows = next(advance(self.plan, self.checkpoint, 1))
             self.buffer.discard(whole - LOOKAHEAD)

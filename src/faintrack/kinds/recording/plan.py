@@ -1,7 +1,7 @@
 """How the recording of an array becomes a result: beamformer, tracker, and the rows of the bearing-time record."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -48,6 +48,21 @@ LONGEST_BLOCK = 32
 """Frames a block at most: beyond it the beamformer gains nothing."""
 
 
+class Samples(NamedTuple):
+    """Frames of samples as they are taken in.
+
+    Attributes
+    ----------
+    time : of the middle of each; seconds.
+    samples : of all channels; a masked one is zero.
+    usable : channels that are not masked.
+    """
+
+    time: Any
+    samples: Any
+    usable: Any
+
+
 class RecordingStep(eqx.Module):
     """Frames through beamformer, background and tracker."""
 
@@ -55,7 +70,7 @@ class RecordingStep(eqx.Module):
     background: ArrayBackground | None
     tracker: Tracker | DetectAndTrack
 
-    def scans(self, block: tuple[Array, Array, Array]) -> tuple[BeamScan, Float[Array, "frame beam"]]:
+    def scans(self, block: Samples) -> tuple[BeamScan, Float[Array, "frame beam"]]:
         """Scans of time, samples and usable channels of some frames, and the rows of the record in dB.
 
         Of several rings of beams a row has the loudest at every bearing.
@@ -138,11 +153,11 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     loud = LoudFrames(beamformer)
     loudest_db, ends = (scenario.target.snr_db or default_snr_db(array, beamformer.grid))[1], set[int]()
 
-    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def read(start: int, stop: int) -> Samples:
         block = framed(clean.recording, length, start, min(stop, count) - start)
-        return block.time, block.samples, block.usable
+        return Samples(block.time, block.samples, block.usable)
 
-    def rows(start: int, block: tuple[np.ndarray, ...], outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
+    def rows(start: int, block: Samples, outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
         usable = block[2]
         heard[:] &= start > 0
         np.logical_or(heard, usable.any(axis=0), out=heard)
