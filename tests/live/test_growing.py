@@ -1,8 +1,11 @@
 """Files that grow and folders that fill: the numbers are those of `track` on the same data, for every kind."""
 
+import io
 import shutil
+import sys
 import threading
 import time
+import types
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +15,8 @@ import pytest
 import faintrack as ft
 from faintrack.errors import InputError
 from faintrack.kinds import kind_named
-from faintrack.live.growing import growing
+from faintrack.live.growing import growing, watch_lines
+from tests.cli.calling import call
 from tests.kinds.small import SCENARIOS
 
 SIMULATED = 24
@@ -93,3 +97,27 @@ def test_what_cannot_be_read_at_the_end_is_told(tmp_path: Path) -> None:
     stop.set()
     with pytest.raises(InputError, match=r"lines\.csv"):
         list(growing(tmp_path / "lines.csv", SCENARIOS["bearings"], stop))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--out", "watch"], "--out is of recordings; the source holds frames"),
+        (["--nmea", "udp://127.0.0.1:10110"], "--nmea is of recordings; the source holds frames"),
+    ],
+)
+def test_what_is_of_recordings_is_refused(options: list[str], said: str, tmp_path: Path) -> None:
+    done = call("live", tmp_path, "--kind", "frames", *options)
+    assert done.status == 2
+    assert said in done.err
+
+
+@pytest.mark.slow
+def test_lines_on_standard_input_are_taken_in_until_they_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kind_named("bearings").write(tmp_path / "lines.csv", ft.simulate(longer("bearings")))
+    run = {name: part for name, part in SCENARIOS["bearings"].items() if name != "simulation"}
+    content = io.BytesIO((tmp_path / "lines.csv").read_bytes())
+    monkeypatch.setattr(sys, "stdin", types.SimpleNamespace(buffer=content))
+    events: list[Any] = []
+    assert watch_lines(run, tell=events.append, stop=threading.Event()) == SIMULATED
+    assert [event["event"] for event in events] == ["start", *["scan"] * SIMULATED, "end"]

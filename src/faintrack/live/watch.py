@@ -97,7 +97,8 @@ class Watch:
         InputError : the stream broke.
         """
         rate = self.stream.sample_rate
-        counted = dict(self.stream.counts)
+        # What went wrong before the first scan is told with it.
+        counted: dict[str, int] = {}
         while not self.stop.is_set():
             number = self.checkpoint.scans
             whole = (number + 1) * self.frame
