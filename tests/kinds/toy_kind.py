@@ -77,8 +77,8 @@ class CountsStep(eqx.Module):
 
     tracker: SingleTargetTracker
 
-    def scans(self, block: tuple[Array, Array]) -> Scan:
-        return Scan(*block)
+    def scans(self, block: Scan) -> Scan:
+        return block
 
     def advance(self, state: Any, scan: Scan, key: Any) -> tuple[Any, Any]:
         return self.tracker.step(state, scan, key)
@@ -136,17 +136,17 @@ def plan(counts: Counts, scenario: ToyScenario) -> Plan:
         scenario.tracker.declare,
         scenario.tracker.drop,
     )
-    times = np.arange(len(values), dtype=np.float32)
+    times = np.arange(len(values), dtype=float)
 
-    def rows(start: int, block: tuple[np.ndarray, np.ndarray], estimates: Any) -> xr.Dataset:
+    def rows(start: int, block: Scan, estimates: Any) -> xr.Dataset:
         facts = {"kind": "toy", "source": counts.source, "start_time": "", "first_scan_time": 0.0, "scan_interval": 1.0}
-        return estimated(block[0], estimates, COMPONENTS).assign_attrs(facts)
+        return estimated(block.time, estimates, COMPONENTS).assign_attrs(facts)
 
     return Plan(
         scenario=scenario,
         step=CountsStep(tracker),
         state=begun(tracker, scenario.filter.seed),
-        read=lambda start, stop: (times[start:stop], values[start:stop]),
+        read=lambda start, stop: Scan(times[start:stop], values[start:stop]),
         rows=rows,
         length=len(values),
         size=8,

@@ -277,3 +277,14 @@ def test_bad_input_is_one_sentence(
     assert done.status == 2, done.err
     assert said in done.err
     assert done.err.count("\n") == 1
+
+
+def test_health_and_figures_are_answered(page: Page, closed: Page) -> None:
+    assert ask(page, "/health")[0] == 503
+    for each in (page, closed):
+        each.measure("faintrack_scans_total 1\n")
+        assert ask(each, "/health")[:2] == (200, "ok\n")
+    assert ask(page, "/metrics")[:2] == (200, "faintrack_scans_total 1\n")
+    assert ask(closed, "/metrics")[0] == 401
+    assert ask(closed, "/metrics", headers={"Authorization": f"Bearer {TOKEN}"})[0] == 200
+    assert ask(page, "/health", headers={"Host": "elsewhere.example"})[0] == 403

@@ -12,13 +12,14 @@ from typing import Annotated, Any
 
 import typer
 
-from faintrack.cli.commands import ArrayFile, Band, Frame, ScenarioFile, Settings
+from faintrack.cli.commands import ArrayFile, Band, Frame, KindName, ScenarioFile, Settings
 
 Source = Annotated[
     list[str],
     typer.Argument(
         metavar="SOURCE",
-        help="- for standard input; a named pipe; a file that grows; udp://ADDRESS:PORT; replay FILE.",
+        help="- for standard input; a named pipe; a file that grows; a folder that fills; udp://ADDRESS:PORT; "
+        "tcp://ADDRESS:PORT; replay FILE.",
     ),
 ]
 
@@ -30,6 +31,7 @@ def live(
     band: Band = None,
     frame: Frame = None,
     settings: Settings = None,
+    kind: KindName = None,
     channels: Annotated[int | None, typer.Option(help="Of raw samples.")] = None,
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="Sample rate of raw samples.")] = None,
     format: Annotated[str | None, typer.Option(help="Of raw samples: float32, int16; little-endian.")] = None,
@@ -42,22 +44,68 @@ def live(
     token_file: Annotated[
         Path | None, typer.Option(help="File with the token that watchers must know; needed beyond this machine.")
     ] = None,
+    nmea: Annotated[
+        str | None, typer.Option(metavar="WHERE", help="udp://ADDRESS:PORT or file that tracks go to as $RATTM.")
+    ] = None,
 ) -> None:
-    """Track a recording while it is made; print one line of JSON a scan.
+    """Track data while they come; print one line of JSON a scan.
 
     Example: [bold]faintrack live udp://127.0.0.1:9000 --array array.toml --out watch[/bold]
 
     Example: [bold]recorder | faintrack live - --channels 32 --rate 4000 --array array.toml[/bold]
 
     Example: [bold]faintrack live replay night.wav --speed 10 --array array.toml[/bold]
+
+    Example: [bold]faintrack live images/ --scenario scenario.toml[/bold]
     """
     from faintrack.cli.options import sections_of
+    from faintrack.errors import InputError
     from faintrack.kinds.door import scenario_given
-    from faintrack.live.sources import raw_of
+    from faintrack.live.sources import kind_of_source, raw_of
 
-    what = scenario_given(scenario, sections_of(settings, None, array, band, frame)).of("recording")
+    given = scenario_given(scenario, sections_of(settings, kind, array, band, frame))
     raw = raw_of(channels, rate, format)
-    watch_source(source, what, out=out, raw=raw, speed=speed, port=port, host=host, token_file=token_file)
+    of = kind_of_source(source, given)
+    if of != "recording":
+        for option, value in {
+            "--out": out,
+            "--port": port,
+            "--speed": speed,
+            "--channels": raw,
+            "--nmea": nmea,
+        }.items():
+            if value is not None:
+                raise InputError(f"{option} is of recordings; the source holds {of}.")
+        watch_files(source[0], given.of(of))
+        return
+    what = given.of(of)
+    watch_source(source, what, out=out, raw=raw, speed=speed, port=port, host=host, token_file=token_file, nmea=nmea)
+
+
+def watch_files(source: str, scenario: Any) -> None:
+    """Watch a file that grows, a folder that fills, or lines on standard input, until a signal comes.
+
+    Parameters
+    ----------
+    source : path, or - for standard input.
+    scenario : what to run.
+    """
+    from faintrack.live.growing import watch_growing, watch_lines
+
+    with stopped_by_signals() as stop:
+        if source == "-":
+            watch_lines(scenario, tell=_told, stop=stop)
+        else:
+            watch_growing(Path(source), scenario, tell=_told, stop=stop)
+
+
+def _told(event: Mapping[str, Any]) -> None:
+    """Print an event as a line, and what is no scan as a sentence too."""
+    from faintrack.live.lines import line
+
+    print(line(event), flush=True)
+    if event["event"] != "scan":
+        print(_sentence(event), file=sys.stderr, flush=True)
 
 
 def watch_source(
@@ -70,6 +118,7 @@ def watch_source(
     port: int | None = None,
     host: str = "127.0.0.1",
     token_file: Path | None = None,
+    nmea: str | None = None,
 ) -> None:
     """Watch a source until it ends or a signal comes: lines on standard output or in a folder, and a page.
 
@@ -77,9 +126,12 @@ def watch_source(
     ----------
     source, scenario, out, raw, speed : see `faintrack.live.run.run`.
     port, host, token_file : of the page; none without a port.
+    nmea : where `$RATTM` are sent to, see `faintrack.live.nmea.sender`.
     """
     from faintrack.kinds.door import Moment
     from faintrack.live.lines import line
+    from faintrack.live.metrics import exposition
+    from faintrack.live.nmea import sender, target_messages
     from faintrack.live.page.feed import greeting, scan_message
     from faintrack.live.page.guard import guard_of
     from faintrack.live.page.server import Page
@@ -90,6 +142,7 @@ def watch_source(
     with ExitStack() as held:
         stop = held.enter_context(stopped_by_signals())
         page = None if guard is None or port is None else held.enter_context(Page(port, guard))
+        send = None if nmea is None else held.enter_context(sender(nmea))
         if page is not None:
             print(f"{'page':<10} {page.url}", file=sys.stderr, flush=True)
 
@@ -105,8 +158,22 @@ def watch_source(
             if page is not None:
                 page.greet(greeting(watch, moment))
                 page.send(scan_message(watch, moment, event))
+                page.measure(exposition(watch.status, watch.stream.counts, event))
+            if send is not None:
+                _require_north(moment)
+                for message in target_messages(event):
+                    send(message)
 
         run(source, scenario, out=out, raw=raw, speed=speed, tell=tell, see=see, stop=stop)
+
+
+def _require_north(moment: Any) -> None:
+    """Refuse to send bearings that are from an axis."""
+    from faintrack.errors import InputError
+    from faintrack.results.schema import NORTH
+
+    if moment.data.beam.attrs["reference"] != NORTH:
+        raise InputError("--nmea needs bearings from north; those of a line array are from its axis, on either side.")
 
 
 def _sentence(event: Mapping[str, Any]) -> str:

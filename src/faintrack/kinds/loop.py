@@ -1,8 +1,8 @@
 """The one loop: data of any kind through their plan, block by block, keyed, to be taken up again.
 
 One compiled program serves every block, also the last one, which is filled up with copies of its last scan: only the
-scans that there are advance the state. Memory does not grow with the number of scans. A `Checkpoint` is all that is
-needed to go on later, in another process too.
+scans that there are advance the state. Memory does not grow with the number of scans. Times are exact for as long as a
+run lasts (`faintrack.kinds.epochs`). A `Checkpoint` is all that is needed to go on later, in another process too.
 """
 
 from collections.abc import Iterator
@@ -15,9 +15,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Int, PRNGKeyArray
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from faintrack.errors import InputError
+from faintrack.kinds.epochs import epochs, moved_on, since_epochs
 from faintrack.kinds.kind import Plan, Step
 from faintrack.numerics.programs import Program, kept
 from faintrack.numerics.traced import traced
@@ -34,10 +35,12 @@ class Checkpoint:
     ----------
     state : after the last scan that was taken in.
     scans : taken in so far.
+    epoch : that times in the state are from; seconds.
     """
 
     state: Any
     scans: int
+    epoch: float = 0.0
 
 
 def run_key(plan_seed: int) -> PRNGKeyArray:
@@ -81,7 +84,8 @@ def advance(
     """
     size = plan.size if size is None else size
     key = run_key(plan.seed)
-    state, start = (plan.state, 0) if since is None else (since.state, since.scans)
+    since = Checkpoint(plan.state, 0) if since is None else since
+    state, start, epoch = since.state, since.scans, since.epoch
     program: Program | None = None
     while plan.length is None or start < plan.length:
         stop = start + size if plan.length is None else min(start + size, plan.length)
@@ -89,14 +93,17 @@ def advance(
         used = _length(block)
         if used == 0:
             return
-        arguments = (plan.step, state, _filled(block, size), jnp.asarray(used), key)
+        of_scans = epochs(block, epoch)
+        later = np.diff(of_scans, prepend=epoch).astype(np.float32)
+        scans = _filled((since_epochs(block, of_scans, state), later), size)
+        arguments = (plan.step, state, *scans, jnp.asarray(used), key)
         program = kept(_take_in, *arguments) if program is None else program
         state, outputs = program(*arguments)
         outputs = jax.tree.map(lambda values, used=used: np.asarray(values)[:used], outputs)
         rows = plan.rows(start, block, outputs)
         _require_numbers(rows, start)
-        start += used
-        yield Checkpoint(state, start), rows
+        start, epoch = start + used, float(of_scans[-1])
+        yield Checkpoint(state, start, epoch), rows
         if used < stop - (start - used):
             return
 
@@ -114,7 +121,7 @@ def datasets(plan: Plan, since: Checkpoint | None = None) -> Iterator[xr.Dataset
 def save_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
     """Write where a run stands; `load_checkpoint` reads it for a plan of the same data and scenario."""
     with Path(path).open("wb") as file:
-        eqx.tree_serialise_leaves(file, (checkpoint.state, jnp.asarray(checkpoint.scans)))
+        eqx.tree_serialise_leaves(file, (checkpoint.state, *_counts(checkpoint)))
 
 
 def load_checkpoint(path: str | Path, plan: Plan) -> Checkpoint:
@@ -131,19 +138,28 @@ def load_checkpoint(path: str | Path, plan: Plan) -> Checkpoint:
     """
     try:
         with Path(path).open("rb") as file:
-            state, scans = eqx.tree_deserialise_leaves(file, (plan.state, jnp.asarray(0)))
+            state, scans, epoch = eqx.tree_deserialise_leaves(file, (plan.state, *_counts(Checkpoint(plan.state, 0))))
     except (OSError, RuntimeError, ValueError, EOFError) as error:
         raise InputError(f"{path} is no state of a run with this scenario ({type(error).__name__}).") from error
-    return Checkpoint(state, int(scans))
+    return Checkpoint(state, int(scans), float(epoch))
 
 
-def _take_in(step: Step, state: Any, block: Any, used: Int[Array, ""], key: PRNGKeyArray) -> tuple[Any, Any]:
-    """State after the scans in use of a block, and the outputs of all of them, stacked."""
+def _counts(checkpoint: Checkpoint) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(checkpoint.scans, np.int64), np.asarray(checkpoint.epoch, np.float64)
+
+
+def _take_in(
+    step: Step, state: Any, block: Any, later: Float[Array, " scan"], used: Int[Array, ""], key: PRNGKeyArray
+) -> tuple[Any, Any]:
+    """State after the scans in use of a block, and the outputs of all of them, stacked.
+
+    `later` is by how much the epoch of a scan is later than that of the scan before; seconds.
+    """
     scans = step.scans(block)
     size = jax.tree.leaves(scans)[0].shape[0]
 
     def one(number: Any, state: Any) -> tuple[Any, Any]:
-        return step.advance(state, jax.tree.map(lambda leaf: leaf[number], scans), key)
+        return step.advance(moved_on(state, later[number]), jax.tree.map(lambda leaf: leaf[number], scans), key)
 
     step_once, (_, shapes) = traced(one, jnp.asarray(0), state)
 

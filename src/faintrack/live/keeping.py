@@ -17,7 +17,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -80,7 +80,7 @@ class Since:
         ------
         InputError : it is of another scenario.
         """
-        return Checkpoint(load_checkpoint(self.checkpoint, plan).state, self.scans)
+        return replace(load_checkpoint(self.checkpoint, plan), scans=self.scans)
 
 
 @dataclass

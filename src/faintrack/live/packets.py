@@ -214,6 +214,22 @@ def datagrams(address: str, port: int, stop: threading.Event) -> Stream:
         raise InputError(f"{source} cannot be listened to ({getattr(error, 'strerror', None) or error}).") from error
     receiver.settimeout(PATIENCE)
     arrived = _received(receiver, stop, counts)
+    return stream_of(arrived, source, counts)
+
+
+def stream_of(arrived: Iterator[Packet | None], source: str, counts: Counter[str]) -> Stream:
+    """Stream of packets as they arrive; waits for the first one.
+
+    Parameters
+    ----------
+    arrived : packets, and None where none arrived for a while.
+    source : where they come from, for messages.
+    counts : what goes wrong is added.
+
+    Raises
+    ------
+    InputError : no packet comes.
+    """
     first = next((packet for packet in arrived if packet is not None), None)
     if first is None:
         raise InputError(f"{source}: no packet came.")

@@ -9,13 +9,21 @@ from typing import Any
 
 from faintrack.errors import InputError
 from faintrack.kinds import kind_named
+from faintrack.kinds.door import Given, kind_of_files
 from faintrack.live.bytestream import Raw, growing_file, named_pipe, standard_input
 from faintrack.live.packets import datagrams
 from faintrack.live.replay import replay
 from faintrack.live.stream import Stream
+from faintrack.live.tcp import connected, listening
 
-FORMS = "- (standard input), a named pipe or file, udp://ADDRESS:PORT or replay FILE"
+FORMS = (
+    "- (standard input), a named pipe or file, udp://ADDRESS:PORT, tcp://ADDRESS:PORT, tcp-listen://ADDRESS:PORT "
+    "or replay FILE"
+)
 """Sources, as a message lists them."""
+
+NETWORK = {"udp": datagrams, "tcp": connected, "tcp-listen": listening}
+"""How packets come, by the scheme of an address."""
 
 
 def raw_of(channels: int | None, rate: float | None, form: str | None) -> Raw | None:
@@ -48,6 +56,31 @@ def is_stored(words: Sequence[str]) -> bool:
     return words[0] == "replay" or (len(words) == 1 and Path(words[0]).is_file())
 
 
+def kind_of_source(words: Sequence[str], given: Given) -> str:
+    """Kind of the data that come from a source: what the scenario or the files tell, otherwise a recording.
+
+    Parameters
+    ----------
+    words : as `opened_stream`.
+    given : of the scenario.
+
+    Examples
+    --------
+    >>> kind_of_source(["-"], Given({"kind": "bearings"})), kind_of_source(["-"], Given({}))
+    ('bearings', 'recording')
+    """
+    if given.kind is not None:
+        return given.kind
+    path = Path(words[0])
+    if len(words) == 1 and (path.is_file() or path.is_dir()):
+        try:
+            return kind_of_files((path,), given).name
+        except InputError:
+            # Raw samples have names that tell nothing.
+            return "recording"
+    return "recording"
+
+
 def opened_stream(
     words: Sequence[str], scenario: Any, stop: threading.Event, raw: Raw | None, speed: float | None, start: int = 0
 ) -> Stream:
@@ -73,8 +106,9 @@ def opened_stream(
     if len(words) > 1:
         raise InputError(f"there are {len(words)} sources; expected one: {FORMS}.")
     word = words[0]
-    if word.startswith("udp://"):
-        return _udp(word, stop)
+    for scheme, opens in NETWORK.items():
+        if word.startswith(f"{scheme}://"):
+            return opens(*_address(word, scheme), stop)
     if word == "-":
         return standard_input(stop, raw)
     path = Path(word)
@@ -101,8 +135,9 @@ def _replayed(files: Sequence[str], scenario: Any, stop: threading.Event, speed:
     return replay(recording, speed, stop, start)
 
 
-def _udp(word: str, stop: threading.Event) -> Stream:
-    address, colon, port = word.removeprefix("udp://").rpartition(":")
+def _address(word: str, scheme: str) -> tuple[str, int]:
+    """Address and port of a source."""
+    address, colon, port = word.removeprefix(f"{scheme}://").rpartition(":")
     if not (colon and address and port.isdecimal() and len(port) <= 5 and 0 < int(port) < 2**16):
-        raise InputError(f"{word} is no address; expected udp://ADDRESS:PORT such as udp://127.0.0.1:9000.")
-    return datagrams(address.strip("[]"), int(port), stop)
+        raise InputError(f"{word} is no address; expected {scheme}://ADDRESS:PORT such as {scheme}://127.0.0.1:9000.")
+    return address.strip("[]"), int(port)

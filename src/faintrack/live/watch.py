@@ -8,7 +8,7 @@ arithmetic of its own.
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -97,7 +97,8 @@ class Watch:
         InputError : the stream broke.
         """
         rate = self.stream.sample_rate
-        counted = dict(self.stream.counts)
+        # What went wrong before the first scan is told with it.
+        counted: dict[str, int] = {}
         while not self.stop.is_set():
             number = self.checkpoint.scans
             whole = (number + 1) * self.frame
@@ -105,7 +106,7 @@ class Watch:
                 return
             passed = self._passed_over(number)
             if passed:
-                self.checkpoint = Checkpoint(self.checkpoint.state, number + passed)
+                self.checkpoint = replace(self.checkpoint, scans=number + passed)
                 continue
             self.checkpoint, rows = next(advance(self.plan, self.checkpoint, 1))
             self.buffer.discard(whole - LOOKAHEAD)

@@ -71,7 +71,7 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
     since = bearings.times - bearings.times[0]
     interval = float(since[-1] / (length - 1)) if length > 1 else 1.0
     tracker = build_tracker(scenario, interval)
-    scans = eqx.tree_at(lambda scans: scans.time, scans, jnp.asarray(since + interval, float))
+    scans = eqx.tree_at(lambda scans: scans.time, scans, since + interval)
     scans = jax.tree.map(np.asarray, scans)
     attributes = {
         "kind": "bearings",

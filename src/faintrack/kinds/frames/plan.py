@@ -5,7 +5,7 @@ few bytes a cell.
 """
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -52,7 +52,21 @@ NEGATIVE = "values below 0; expected power or envelope"
 SURFACE = "log of the target likelihood ratio"
 
 
-Frames = tuple[Array, Array, Array, Array]
+class Frames(NamedTuple):
+    """Frames as they are taken in, or one.
+
+    Attributes
+    ----------
+    time : from the first frame; seconds.
+    values : of the cells.
+    missing : cells that say nothing.
+    slot : among the snapshots.
+    """
+
+    time: Any
+    values: Any
+    missing: Any
+    slot: Any
 
 
 class FramesStep(eqx.Module):
@@ -69,7 +83,7 @@ class FramesStep(eqx.Module):
     cells: Cells = eqx.field(static=True)
 
     def scans(self, block: Frames) -> Frames:
-        """Time, frame, which cells are missing, and place among the snapshots, of some frames."""
+        """Some frames."""
         return block
 
     def advance(
@@ -124,12 +138,11 @@ def plan(sequence: Sequence, scenario: FramesScenario) -> Plan:
     clean = CleanFrames(sequence, power, NEGATIVE)
     surfaces = jnp.full((len(snapshots), *cells.shape), -jnp.inf, jnp.float32)
 
-    def read(start: int, stop: int) -> tuple[np.ndarray, ...]:
+    def read(start: int, stop: int) -> Frames:
         stop = min(stop, sequence.length)
         frames, missing = clean.read(start, stop)
-        # From the first frame: single precision resolves no day in frames of a video.
-        times = (sequence.times[start:stop] - sequence.times[0]).astype(np.float32)
-        return times, sign * frames, missing, slots_of(np.arange(start, stop), snapshots)
+        times = sequence.times[start:stop] - sequence.times[0]
+        return Frames(times, sign * frames, missing, slots_of(np.arange(start, stop), snapshots))
 
     def rows(start: int, block: Any, outputs: Any) -> xr.Dataset:
         estimates, pictures = outputs

@@ -50,12 +50,12 @@ class Course:
     turn: Float[np.ndarray, " frame"]
     steady_since: Float[np.ndarray, " frame"]
 
-    def turns(self, start: int, stop: int) -> Float[np.ndarray, "frame 2"]:
-        """Turn and start of the steady time of some frames."""
+    def turns(self, start: int, stop: int) -> tuple[Float[np.ndarray, " frame"], Float[np.ndarray, " frame"]]:
+        """Turn of some frames and start of their steady time."""
         last = len(self.turn) - 1
         frames = np.arange(start, stop)
-        turn = np.where(frames <= last, self.turn[np.minimum(frames, last)], 0)
-        return np.stack([turn, self.steady_since[np.minimum(frames, last)]], axis=1).astype(np.float32)
+        turn = np.where(frames <= last, self.turn[np.minimum(frames, last)], 0).astype(np.float32)
+        return turn, self.steady_since[np.minimum(frames, last)]
 
     def at(self, frames: np.ndarray) -> np.ndarray:
         """Heading of frames by number; radians."""
@@ -108,14 +108,15 @@ def course_of(middles: np.ndarray, heading: np.ndarray, steady: float) -> Course
     Examples
     --------
     >>> course_of(np.arange(4.0), np.array([0.0, 0.01, 0.5, 0.5]), 0.1).steady_since.tolist()
-    [-inf, -inf, -inf, 2.0]
+    [-inf, -inf, -inf, 1.5]
     """
     since, kept, moment = np.empty(len(heading)), heading[0], -math.inf
     for number, value in enumerate(heading):
         # Of a frame it is what had been kept up to the one before.
         since[number] = moment
         if abs(value - kept) > steady:
-            kept, moment = value, middles[number]
+            # Between two frames, where rounding puts no target that appeared in one of them on the other side.
+            kept, moment = value, (middles[number - 1] + middles[number]) / 2
     return Course(heading, np.diff(heading, prepend=heading[0]), since)
 
 

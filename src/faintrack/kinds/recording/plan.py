@@ -1,7 +1,7 @@
 """How the recording of an array becomes a result: beamformer, tracker, and the rows of the bearing-time record."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -50,6 +50,25 @@ LONGEST_BLOCK = 32
 """Frames a block at most: beyond it the beamformer gains nothing."""
 
 
+class Samples(NamedTuple):
+    """Frames of samples as they are taken in.
+
+    Attributes
+    ----------
+    time : of the middle of each; seconds.
+    samples : of all channels; a masked one is zero.
+    usable : channels that are not masked.
+    turn : of the array since the frame before, radians; None where its heading is not told.
+    since : when it last turned, up to the frame before; seconds.
+    """
+
+    time: Any
+    samples: Any
+    usable: Any
+    turn: Any = None
+    since: Any = None
+
+
 class RecordingStep(eqx.Module):
     """Frames through beamformer, background and tracker."""
 
@@ -57,21 +76,20 @@ class RecordingStep(eqx.Module):
     background: ArrayBackground | None
     tracker: Tracker | DetectAndTrack
 
-    def scans(
-        self, block: tuple[Array, Array, Array, Array | None]
-    ) -> tuple[BeamScan, Float[Array, "frame beam"], Float[Array, "frame 2"] | None]:
-        """Scans of time, samples, usable channels and turns of some frames, rows of the record in dB, and the turns.
+    def scans(self, block: Samples) -> tuple[BeamScan, Float[Array, "frame beam"], tuple[Array, Array] | None]:
+        """Scans of some frames, rows of the record in dB, and turns of the array with the start of its steady time.
 
         Of several rings of beams a row has the loudest at every bearing.
         """
         scans, grid = self.beamformer.scan(*block[:3]), self.beamformer.grid
+        turns = None if block.turn is None else (block.turn, block.since)
         record = energies(scans)
         if grid.elevations:
             record = jnp.max(record.reshape(-1, grid.rings, grid.beams), axis=1)
-        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(record), 1e-6)), block[3]
+        return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(record), 1e-6)), turns
 
     def advance(
-        self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"], Float[Array, " 2"] | None], key: PRNGKeyArray
+        self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"], tuple[Array, Array] | None], key: PRNGKeyArray
     ) -> tuple[Any, tuple[Any, Float[Array, " beam"]]]:
         """As `faintrack.kinds.kind.Step.advance`."""
         (memory, following), (frame, row, turn) = state, scan
@@ -148,12 +166,12 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     loud = LoudFrames(beamformer)
     loudest_db, ends = (scenario.target.snr_db or default_snr_db(array, beamformer.grid))[1], set[int]()
 
-    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+    def read(start: int, stop: int) -> Samples:
         block = framed(clean.recording, length, start, min(stop, count) - start)
-        turns = None if course is None else course.turns(start, start + len(block.time))
-        return block.time, block.samples, block.usable, turns
+        turns = () if course is None else course.turns(start, start + len(block.time))
+        return Samples(block.time, block.samples, block.usable, *turns)
 
-    def rows(start: int, block: tuple[Any, ...], outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
+    def rows(start: int, block: Samples, outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
         usable = block[2]
         heard[:] &= start > 0
         np.logical_or(heard, usable.any(axis=0), out=heard)

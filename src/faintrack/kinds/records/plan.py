@@ -6,7 +6,7 @@ for.
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -52,6 +52,21 @@ WITHIN_CELLS, WITHIN_BEAMS = 3.0, 2.0
 Energies = Float[Array, "*scan array beam"]
 
 
+class Rows(NamedTuple):
+    """What all arrays report in some scans.
+
+    Attributes
+    ----------
+    time : from one interval before the first scan; seconds.
+    energy : of each array and beam.
+    stations : where the arrays are.
+    """
+
+    time: Any
+    energy: Any
+    stations: Stations
+
+
 class RecordsStep(eqx.Module):
     """Energies of all arrays through detectors and trackers.
 
@@ -64,7 +79,7 @@ class RecordsStep(eqx.Module):
     tracker: SeveralTargetsTracker
     estimated: bool = eqx.field(static=True)
 
-    def scans(self, block: tuple[Array, Energies, Stations]) -> tuple[EnergyScan, Energies]:
+    def scans(self, block: Rows) -> tuple[EnergyScan, Energies]:
         """Scans of time, energies and places of the arrays; the energies as the tracker reads them beside."""
         time, energy, stations = block
         energy = standardised(energy) if self.estimated else energy
@@ -96,13 +111,12 @@ def plan(data: Records, scenario: RecordsScenario) -> Plan:
     fans = build_fans(scenario, together, arrays, placed)
     with naming(" and ".join(record.source for record in together.records)):
         tracker = build_several(scenario, fans, placed, plane, together.interval)
-    # From an interval before the first scan on, so that a target may be there from the beginning; single precision
-    # resolves no second in the years since 1970.
-    times = (together.times - together.times[0] + together.interval).astype(np.float32)
+    # From an interval before the first scan on, so that a target may be there from the beginning.
+    times = together.times - together.times[0] + together.interval
 
-    def read(start: int, stop: int) -> tuple[np.ndarray, np.ndarray, Stations]:
+    def read(start: int, stop: int) -> Rows:
         part = slice(start, min(stop, together.length))
-        return times[part], _checked(together, part), placed.stations(part)
+        return Rows(times[part], _checked(together, part), placed.stations(part))
 
     def rows(start: int, block: Any, outputs: tuple[SeveralEstimate, np.ndarray]) -> xr.Dataset:
         part = slice(start, start + len(block[0]))

@@ -139,8 +139,8 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
 
     def read(start: int, stop: int) -> tuple[Heard, Int[np.ndarray, " ping"]]:
         numbers = np.arange(start, min(stop, returns.length))
-        # From one interval before the first ping: single precision resolves no second in the times of a clock.
-        times = jnp.asarray(since[numbers] + interval, float)
+        # From one interval before the first ping on, so that a target may be there from the beginning.
+        times = since[numbers] + interval
         pings = tuple(eqx.tree_at(lambda pings: pings.time, part.binned.pings(numbers), times) for part in parts)
         scans = pings[0] if one else Pings(times, pings, jnp.asarray(reported[numbers]))
         return scans, slots_of(numbers, snapshots)

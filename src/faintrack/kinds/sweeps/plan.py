@@ -77,7 +77,7 @@ def plan(sweeps: Sweeps, scenario: SweepsScenario) -> Plan:
         kept = np.where(received[..., None], values, 0).reshape(len(values), -1, average, samples)
         summed = kept.sum(axis=2, dtype=np.float32)
         means = summed / (scale * np.maximum(shared.sum(axis=2), 1))[..., None].astype(np.float32)
-        return Sweep(rows, means, (middle[start:stop] - middle[0]).astype(np.float32))
+        return Sweep(rows, means, middle[start:stop] - middle[0])
 
     def rows(start: int, block: Sweep, outputs: SweepEstimate) -> xr.Dataset:
         count = len(block.time)
@@ -147,7 +147,7 @@ def _rows(
     count, spokes = received.shape
 
     def mean(values: Float[np.ndarray, "sweep spoke"]) -> Any:
-        return values.reshape(count, -1, average).mean(axis=2).astype(np.float32)
+        return values.reshape(count, -1, average).mean(axis=2)
 
     pace = sweeps.interval / spokes
     since = look.time - start
@@ -160,9 +160,9 @@ def _rows(
     turned = np.unwrap(look.heading, axis=1)
     return Rows(
         mean(since),
-        mean(look.x - origin[0]),
-        mean(look.y - origin[1]),
-        np.mod(mean(turned), np.float32(2 * np.pi)),
+        mean(look.x - origin[0]).astype(np.float32),
+        mean(look.y - origin[1]).astype(np.float32),
+        np.mod(mean(turned).astype(np.float32), np.float32(2 * np.pi)),
         known_rows,
     )
 

@@ -76,6 +76,7 @@ class Page:
         self._loop = asyncio.new_event_loop()
         self._watchers: set[Any] = set()
         self._greeting: str | None = None
+        self._metrics = ""
         self._history: deque[bytes | str] = deque()
         self._bytes = 0
         self._thread: threading.Thread | None = None
@@ -135,6 +136,10 @@ class Page:
         """Send to all watchers, and keep for those who come later; called from any thread, and never waits."""
         self._loop.call_soon_threadsafe(self._send, message)
 
+    def measure(self, text: str) -> None:
+        """Set what `/metrics` answers; called from any thread."""
+        self._metrics = text
+
     def _greet(self, text: str) -> None:
         if text != self._greeting:
             self._greeting = text
@@ -157,9 +162,15 @@ class Page:
         from tornado.netutil import bind_sockets
         from tornado.web import Application
 
-        static, socket, entrance = _handlers(self)
+        static, socket, entrance, figures = _handlers(self)
         application = Application(
-            [*((path, static) for path in STATIC), ("/enter", entrance), ("/scans", socket)],
+            [
+                *((path, static) for path in STATIC),
+                ("/enter", entrance),
+                ("/scans", socket),
+                ("/metrics", figures),
+                ("/health", figures),
+            ],
             websocket_max_message_size=LARGEST,
             websocket_ping_interval=20,
             # Tokens and labels stay out of logs.
@@ -179,8 +190,8 @@ class Page:
         self._server.add_sockets(sockets)
 
 
-def _handlers(page: Page) -> tuple[Any, Any, Any]:
-    """Classes that answer requests to a page: for its files, its socket, and the form that asks for the token."""
+def _handlers(page: Page) -> tuple[Any, Any, Any, Any]:
+    """Classes that answer requests to a page: for its files, socket, the form that asks for the token, and figures."""
     from tornado.iostream import StreamClosedError
     from tornado.web import RequestHandler
     from tornado.websocket import WebSocketClosedError, WebSocketHandler
@@ -243,6 +254,19 @@ def _handlers(page: Page) -> tuple[Any, Any, Any]:
             self.set_cookie(COOKIE, guard.session, httponly=True, samesite="Strict", path="/")
             self.redirect("/")
 
+    class Figures(Answer):
+        """How the watch stands, for programs: whether scans are taken in, and figures."""
+
+        def get(self) -> None:
+            if self.request.path == "/health":
+                known = bool(page._metrics)
+                refused(self, 200 if known else 503, "ok\n" if known else "No scan has been taken in yet.\n")
+            elif not may_see(self):
+                refused(self, 401, "The token is missing or wrong.\n")
+            else:
+                self.set_header("Content-Type", "text/plain; version=0.0.4; charset=utf-8")
+                self.finish(page._metrics)
+
     class Watcher(WebSocketHandler):
         """One who is sent scans."""
 
@@ -295,4 +319,4 @@ def _handlers(page: Page) -> tuple[Any, Any, Any]:
             if hasattr(self, "sending"):
                 self.sending.cancel()
 
-    return Static, Watcher, Entrance
+    return Static, Watcher, Entrance, Figures
