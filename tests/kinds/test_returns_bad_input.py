@@ -73,7 +73,7 @@ def refuse_returns(folder: Path, names: tuple[str, ...]) -> None:
         ("relaxation = 10_000.0", "relaxation = 0.0", ("target.relaxation is 0.0",)),
         ("relaxation = 10_000.0", "speed = 9.0", ("no field target.speed",)),
         ("[grid]", "[frames]\n[grid]", ("[sonar] is of returns", "[frames] of frames")),
-        ("[grid]", "[array]\nline = {count = 4, spacing = 0.5}\n[grid]", ("[sonar] is of returns", "[array]")),
+        ("[grid]", "[analysis]\nframe = 1.0\n[grid]", ("[sonar] is of returns", "[analysis]")),
         ("[grid]", '[filter]\nkind = "particles"\n[grid]', ("no field filter.kind", "seed")),
         ("[grid]", '[tracker]\nmethod = "cfar"\n[grid]', ("no field tracker.method",)),
         ("[grid]", "[simulation]\npings = 1\n[grid]", ("simulation.pings is 1",)),
@@ -117,7 +117,7 @@ def test_returns_without_what_they_need(folder: Path) -> None:
     refuse(folder, path, None, ("returns.csv", "--scenario", "[sonar]"))
     refuse(folder, [path, path], scenario, ("2 files", "one file"))
     (folder / "night.wav").write_text("not returns", encoding="utf-8")
-    refuse(folder, folder / "night.wav", scenario, ("night.wav holds recording", "no section sonar"))
+    refuse(folder, folder / "night.wav", scenario, ("night.wav", "samples of hydrophones", "no array", "[reception]"))
     path.write_text("time_s,delay,bearing\n0,8,90\n", encoding="utf-8")
     refuse(folder, path, None, ("returns.csv", "what it holds", "returns", "--kind"))
     refuse(folder, path, scenario, ("returns.csv", "column 'delay'"))

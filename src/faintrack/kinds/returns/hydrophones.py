@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from faintrack.data.recording import Recording
 from faintrack.data.returns import LOUDEST_DB, Returns
-from faintrack.errors import InputError
+from faintrack.errors import InputError, naming
 from faintrack.io.arrays import matched as in_order
 from faintrack.io.recordings import read as read_recording
 from faintrack.kinds.planar import Targets, states_of
@@ -115,6 +115,9 @@ def read(paths: tuple[Path, ...], scenario: ReturnsScenario | None) -> Returns:
     """
     if scenario is None:
         raise InputError(f"{paths[0]} holds samples; expected a scenario with [sonar], [reception] and an array.")
+    with naming(paths[0]):
+        # What is lacking is told before a long file is read.
+        _reception(scenario)
     return returns_of(read_recording(*paths), scenario)
 
 
