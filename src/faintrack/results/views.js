@@ -200,8 +200,8 @@ function drawMap() {
   g.textAlign = "left"; g.textBaseline = "middle";
   for (const mark of ticks(south, north, high / 90)) g.fillText(world.unit === "deg" ? `${mark}°` : `${mark}`, 3, y(mark));
   // A scale bar of a round length; a degree of latitude is 111.2 km.
-  const metre = world.unit === "deg" ? scale / 111195 : scale, length = ticks(0, 160 / metre, 1.5).pop() || 1;
-  const text = world.unit === "deg" || world.unit === "m" ? (length >= 1000 ? `${length / 1000} km` : `${length} m`) : `${length} ${world.unit}`;
+  const metre = world.unit === "deg" ? scale / 111195 : scale, length = ticks(0, 160 / metre, 3).pop() || 1;
+  const text = length >= 1000 ? `${length / 1000} km` : `${length} m`;
   g.fillRect(wide - 20 - length * metre, 16, length * metre, 3); g.textAlign = "right"; g.fillText(text, wide - 20, 30);
 }
 if (world) gestures(world.canvas, (px, py, factor) => {

@@ -25,6 +25,8 @@ POINTS = 3000
 ELLIPSES = 12
 """Of a track on the map."""
 
+_METRES = [("x", "m"), ("y", "m")]
+
 MARGIN = 0.35
 """Of the map around the tracks, as a share of its size; 2 km at least."""
 
@@ -44,7 +46,7 @@ def views(result: Result) -> dict[str, Any]:
         "start": data.attrs.get("start_time") or None,
         "span": [float(data.time[0]), float(data.time[-1])],
         "panels": [*panels, existence],
-        "map": _map(result) if result.tracks and names == ["x", "y"] else None,
+        "map": _map(result) if result.tracks and [(name, of[name]) for name in names] == _METRES else None,
     }
 
 
@@ -138,14 +140,15 @@ def _map(result: Result) -> dict[str, Any]:
     wide = high / stretch
     centre = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
     box = [centre[0] - wide, centre[0] + wide, max(centre[1] - high, -90.0), min(centre[1] + high, 90.0)]
-    coast = coast_lines((box[0], box[1]), (box[2], box[3])) if earth else []
-    unit = "deg" if earth else units(result.data)["x"]
+    # A page is wider than high, and a reader looks around.
+    seen = (centre[0] - 3 * wide, centre[0] + 3 * wide), (centre[1] - 2 * high, centre[1] + 2 * high)
+    coast = coast_lines(*seen) if earth else []
     return {
         "lines": lines,
         "rings": rings,
         "box": [round(float(edge), 6) for edge in box],
         "stretch": round(stretch, 6),
-        "unit": unit,
+        "unit": "deg" if earth else "m",
         "coast": [line.round(4).tolist() for line in coast],
     }
 
