@@ -17,7 +17,7 @@ from faintrack.errors import InputError
 from faintrack.io.headings import read_headings
 from faintrack.kinds.recording.heading import course_of
 from faintrack.targets.motion import BearingMotion
-from faintrack.targets.states import SidedState
+from faintrack.targets.states import BearingState, SidedState
 from faintrack.targets.turning import SidedMotion, turned, turned_beliefs
 
 SQUARE = {"channels": [{"name": f"{x}{y}", "x": x, "y": y} for x in (0.0, 1.5) for y in (0.0, 1.5)]}
@@ -113,15 +113,26 @@ def test_only_what_appeared_since_the_last_turn_is_dealt_to_both_sides() -> None
     ones = jnp.ones(6)
     states = SidedState(ones, 0 * ones, ones, ones.at[5].set(0))
     belief = Belief(states, -ones, jnp.zeros(()), jnp.array(9.0), jnp.array([1.0, 1.0, 5.0, 5.0, 1.0, 1.0]))
-    after = turned_beliefs({"any": (belief,)}, jnp.array(0.0), jnp.array(4.0))["any"][0]
+    after = turned_beliefs({"any": (belief,)}, jnp.array(0.0), jnp.array(4.0), jax.random.key(0))["any"][0]
     assert after.states.side.tolist() == [1, 1, 1, -1, 1, -1]
+
+
+def test_bearings_are_moved_apart_by_what_is_not_known_of_a_turn() -> None:
+    count, turn = 4000, 0.06
+    ones = jnp.ones(count)
+    belief = Belief(BearingState(ones, 0 * ones, ones), -ones, jnp.zeros(()), jnp.array(9.0), ones)
+    bearing = turned_beliefs(belief, jnp.array(turn), jnp.array(4.0), jax.random.key(0)).states.bearing
+    expected = turn / np.sqrt(12)
+    # Four standard errors of a mean and of a deviation.
+    assert abs(float(bearing.mean()) - (1 - turn)) < 4 * expected / np.sqrt(count)
+    assert abs(float(bearing.std()) / expected - 1) < 4 / np.sqrt(2 * count)
 
 
 def test_a_course_tells_since_when_the_heading_is_kept() -> None:
     course = course_of(np.array([0.5, 1.5, 2.5, 3.5, 4.5]), np.array([1.0, 1.01, 1.5, 2.0, 2.0]), 0.1)
     np.testing.assert_allclose(course.turn, [0, 0.01, 0.49, 0.5, 0])
-    assert course.steady_since.tolist() == [-np.inf, -np.inf, -np.inf, 2.5, 3.5]
-    assert course.turns(4, 7).tolist() == [[0.0, 3.5]] * 3
+    assert course.steady_since.tolist() == [-np.inf, -np.inf, -np.inf, 2.0, 3.0]
+    assert [part.tolist() for part in course.turns(4, 7)] == [[0.0] * 3, [3.0] * 3]
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,11 @@ its true bearing is seen :math:`\Delta` further to port, so before targets move 
 
 .. math:: \beta \leftarrow \beta - \Delta,
 
-and rates are those of an array that keeps its heading. A line hears the angle from its axis alone, a target to
-starboard as one to port. So each point of a belief has a **side** :math:`s = \pm 1`, and what turns is
-:math:`s \beta`: a turn moves the two sides apart, and the scans that follow tell which one was right.
+and rates are those of an array that keeps its heading. Within a scan the heading is not one: like a number that is
+rounded to steps of :math:`\Delta` it is known to :math:`\Delta / \sqrt{12}`, by which bearings are moved apart. A line
+hears the angle from its axis alone, a target to starboard as one to port. So each point of a belief has a **side**
+:math:`s = \pm 1`, and what turns is :math:`s \beta`: a turn moves the two sides apart, and the scans that follow tell
+which one was right.
 
 Until there is a turn the two sides are each other's mirror image: a target that appeared since the line last turned is
 on either with the same probability, whatever scans say. So its points are dealt to both sides anew in every scan, and
@@ -15,6 +17,7 @@ none of the two is lost by the chance of resampling however long the line keeps 
 """
 
 import dataclasses
+import math
 from typing import Any
 
 import equinox as eqx
@@ -23,6 +26,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.beliefs.belief import Belief
+from faintrack.numerics.draws import normal
 from faintrack.targets.motion import BearingMotion
 from faintrack.targets.states import BearingState, SidedState
 
@@ -42,7 +46,7 @@ class SidedMotion(eqx.Module):
         return _sided(self.around.move(_signed(states), interval, key))
 
 
-def turned(states: Any, angle: Float[Array, ""] | float) -> Any:
+def turned(states: Any, angle: Float[Array, "*points"] | float) -> Any:
     """States after the array has turned, its targets where they were (the module's equation).
 
     Parameters
@@ -63,7 +67,7 @@ def turned(states: Any, angle: Float[Array, ""] | float) -> Any:
     return dataclasses.replace(states, bearing=bearing)
 
 
-def turned_beliefs(tree: Any, angle: Float[Array, ""], steady_since: Float[Array, ""]) -> Any:
+def turned_beliefs(tree: Any, angle: Float[Array, ""], steady_since: Float[Array, ""], key: PRNGKeyArray) -> Any:
     """Whatever holds beliefs, after the array has turned.
 
     Parameters
@@ -72,6 +76,7 @@ def turned_beliefs(tree: Any, angle: Float[Array, ""], steady_since: Float[Array
     angle : by which the array has turned since the scan before, clockwise; radians.
     steady_since : since when, up to the scan before, a line had kept its heading; points born since then are dealt to
         both sides.
+    key : random key.
     """
 
     def of_belief(belief: Any) -> Any:
@@ -85,7 +90,8 @@ def turned_beliefs(tree: Any, angle: Float[Array, ""], steady_since: Float[Array
             side = jnp.where(alike, both, states.side)
             states = dataclasses.replace(states, side=side)
         # Not by its constructor: beliefs may be stacked.
-        return eqx.tree_at(lambda held: held.states, belief, turned(states, angle))
+        off = angle / math.sqrt(12) * normal(key, states.bearing.shape, states.bearing.dtype)
+        return eqx.tree_at(lambda held: held.states, belief, turned(states, angle + off))
 
     return jax.tree.map(of_belief, tree, is_leaf=lambda node: isinstance(node, Belief))
 

@@ -43,6 +43,9 @@ BLOCK_BYTES = 8 * 2**20
 """Beam power held at once; frames a block follow from it. What lies on the way to it takes several times as much:
 beyond some 30 MiB the memory of every block is fetched anew from the system, which takes longer than the sums."""
 
+TURN_KEY = 2**31 - 2
+"""Number of the key of turns; scans count from 0."""
+
 AT_END_DB = 0.5
 """Below the largest SNR of targets, from which on it is the end that is told; dB."""
 
@@ -94,7 +97,8 @@ class RecordingStep(eqx.Module):
         """As `faintrack.kinds.kind.Step.advance`."""
         (memory, following), (frame, row, turn) = state, scan
         if turn is not None:
-            following = turned_beliefs(following, *turn)
+            for_turn = jax.random.fold_in(jax.random.fold_in(key, TURN_KEY), following.scans)
+            following = turned_beliefs(following, *turn, for_turn)
         if self.background is None:
             following, estimate = self.tracker.step(following, frame, key)
             return (memory, following), (estimate, row)
