@@ -21,15 +21,11 @@ import itertools
 from collections.abc import Callable
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from faintrack.sensors.cells import Cells
-
-WINDOW = 32
-"""Cells along each axis of what is looked at by itself where all points of a belief lie in it."""
 
 Values = Float[Array, "*cells"]
 Rule = Callable[[Values, Values, Values], tuple[Values, Values]]
@@ -85,15 +81,6 @@ def spread_out(
     shares : by position within a cell and by cell around it, see `faintrack.likelihoods.cells.CellLikelihood.shares`.
     reach, oversample : of the likelihood.
     """
-    wide = tuple(count // oversample for count in chances.shape)
-    around = _spread(chances, shares, reach, oversample)
-    return around[tuple(slice(2 * reach, count) for count in wide)]
-
-
-def _spread(
-    chances: Float[Array, "*places"], shares: Float[np.ndarray, "..."], reach: int, oversample: int
-) -> Float[Array, "*cells"]:
-    """As `spread_out`, in the cells beyond the places too, as far as targets reach."""
     dimensions = chances.ndim
     wide = tuple(count // oversample for count in chances.shape)
     by_position = chances.reshape([size for count in wide for size in (count, oversample)])
@@ -103,7 +90,7 @@ def _spread(
         for start in itertools.product(range(2 * reach + 1), repeat=dimensions):
             window = tuple(slice(first, first + count) for first, count in zip(start, wide, strict=True))
             padded = padded.at[window].add(shares[position + start] * here)
-    return padded
+    return padded[tuple(slice(2 * reach, count) for count in wide)]
 
 
 def reached(
@@ -148,37 +135,17 @@ def shared(
     ----------
     places, shares, reach, oversample : of the likelihood.
     states, log_weights : what is believed of the target.
-    few : whether points are so few that they may all lie near each other.
+    few : whether points are so few that each is spread out by itself.
     """
-    wide = tuple(count // oversample for count in places.shape)
-    nearest, near = places.nearest(states)
-    *place, inside = jnp.broadcast_arrays(*nearest, near)
-
-    def whole() -> tuple[Values, Values]:
+    if not few:
         chances = on_places(places, states, log_weights)
         return spread_out(chances, shares, reach, oversample), spread_out(chances, shares**2, reach, oversample)
-
-    if not few or min(wide) <= WINDOW:
-        return whole()
-    cell = [each // oversample for each in place]
-    low = [jnp.min(jnp.where(inside, each, count)) for each, count in zip(cell, wide, strict=True)]
-    start = [jnp.clip(first, 0, count - WINDOW) for first, count in zip(low, wide, strict=True)]
-    fits = [jnp.max(jnp.where(inside, each, 0)) < first + WINDOW for each, first in zip(cell, start, strict=True)]
-
-    def within() -> tuple[Values, Values]:
-        weights = jnp.where(inside, jnp.exp(log_weights), 0)
-        numbers = tuple(each - oversample * first for each, first in zip(place, start, strict=True))
-        # Points out of sight weigh nothing, wherever they are put.
-        chances = jnp.zeros((oversample * WINDOW,) * len(wide), weights.dtype).at[numbers].add(weights)
-
-        def put(part: Values) -> Values:
-            padded = jnp.zeros(tuple(count + 2 * reach for count in wide), part.dtype)
-            padded = jax.lax.dynamic_update_slice(padded, part, start)
-            return padded[tuple(slice(2 * reach, count) for count in wide)]
-
-        return put(_spread(chances, shares, reach, oversample)), put(_spread(chances, shares**2, reach, oversample))
-
-    return jax.lax.cond(jnp.all(jnp.stack(fits)), within, whole)
+    weights = jnp.exp(log_weights)
+    cell, share, inside = reached(places, jnp.asarray(shares, weights.dtype), reach, oversample, states)
+    part = jnp.where(inside, weights * share, 0)
+    nothing = jnp.zeros((*(count // oversample - 2 * reach for count in places.shape), 2), weights.dtype)
+    both = nothing.at[cell].add(jnp.stack([part, part * share], axis=-1))
+    return both[..., 0], both[..., 1]
 
 
 def added(
