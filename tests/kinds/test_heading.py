@@ -113,7 +113,9 @@ def test_only_what_appeared_since_the_last_turn_is_dealt_to_both_sides() -> None
     ones = jnp.ones(6)
     states = SidedState(ones, 0 * ones, ones, ones.at[5].set(0))
     belief = Belief(states, -ones, jnp.zeros(()), jnp.array(9.0), jnp.array([1.0, 1.0, 5.0, 5.0, 1.0, 1.0]))
-    after = turned_beliefs({"any": (belief,)}, jnp.array(0.0), jnp.array(4.0), jax.random.key(0))["any"][0]
+    after = turned_beliefs({"any": (belief,)}, jnp.array(0.0), jnp.array(0.0), jnp.array(4.0), jax.random.key(0))[
+        "any"
+    ][0]
     assert after.states.side.tolist() == [1, 1, 1, -1, 1, -1]
 
 
@@ -121,8 +123,9 @@ def test_bearings_are_moved_apart_by_what_is_not_known_of_a_turn() -> None:
     count, turn = 4000, 0.06
     ones = jnp.ones(count)
     belief = Belief(BearingState(ones, 0 * ones, ones), -ones, jnp.zeros(()), jnp.array(9.0), ones)
-    bearing = turned_beliefs(belief, jnp.array(turn), jnp.array(4.0), jax.random.key(0)).states.bearing
-    expected = turn / np.sqrt(12)
+    expected = 0.02
+    turns = jnp.array(turn), jnp.array(expected), jnp.array(4.0)
+    bearing = turned_beliefs(belief, *turns, jax.random.key(0)).states.bearing
     # Four standard errors of a mean and of a deviation.
     assert abs(float(bearing.mean()) - (1 - turn)) < 4 * expected / np.sqrt(count)
     assert abs(float(bearing.std()) / expected - 1) < 4 / np.sqrt(2 * count)
@@ -132,7 +135,11 @@ def test_a_course_tells_since_when_the_heading_is_kept() -> None:
     course = course_of(np.array([0.5, 1.5, 2.5, 3.5, 4.5]), np.array([1.0, 1.01, 1.5, 2.0, 2.0]), 0.1)
     np.testing.assert_allclose(course.turn, [0, 0.01, 0.49, 0.5, 0])
     assert course.steady_since.tolist() == [-np.inf, -np.inf, -np.inf, 2.0, 3.0]
-    assert [part.tolist() for part in course.turns(4, 7)] == [[0.0] * 3, [3.0] * 3]
+    np.testing.assert_allclose(course.unsure, np.array([0, 0.01, 0.48, 0.01, 0.5]) / np.sqrt(3))
+    turn, unsure, since = course.turns(4, 7)
+    assert turn.tolist() == [0.0] * 3
+    assert since.tolist() == [3.0] * 3
+    np.testing.assert_allclose(unsure, [0.5 / np.sqrt(3), 0, 0], rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,11 @@ its true bearing is seen :math:`\Delta` further to port, so before targets move 
 
 .. math:: \beta \leftarrow \beta - \Delta,
 
-and rates are those of an array that keeps its heading. Within a scan the heading is not one: like a number that is
-rounded to steps of :math:`\Delta` it is known to :math:`\Delta / \sqrt{12}`, by which bearings are moved apart. A line
-hears the angle from its axis alone, a target to starboard as one to port. So each point of a belief has a **side**
-:math:`s = \pm 1`, and what turns is :math:`s \beta`: a turn moves the two sides apart, and the scans that follow tell
-which one was right.
+and rates are those of an array that keeps its heading. The time of a heading is known to a scan either way, and
+what that makes wrong in :math:`\Delta` is a share of its change since the scan before, anywhere from -1 to 1: bearings
+are moved apart by its deviation, :math:`|\Delta - \Delta'| / \sqrt{3}`. A line hears the angle from its axis alone, a
+target to starboard as one to port. So each point of a belief has a **side** :math:`s = \pm 1`, and what turns is
+:math:`s \beta`: a turn moves the two sides apart, and the scans that follow tell which one was right.
 
 Until there is a turn the two sides are each other's mirror image: a target that appeared since the line last turned is
 on either with the same probability, whatever scans say. So its points are dealt to both sides anew in every scan, and
@@ -17,7 +17,6 @@ none of the two is lost by the chance of resampling however long the line keeps 
 """
 
 import dataclasses
-import math
 from typing import Any
 
 import equinox as eqx
@@ -67,13 +66,16 @@ def turned(states: Any, angle: Float[Array, "*points"] | float) -> Any:
     return dataclasses.replace(states, bearing=bearing)
 
 
-def turned_beliefs(tree: Any, angle: Float[Array, ""], steady_since: Float[Array, ""], key: PRNGKeyArray) -> Any:
+def turned_beliefs(
+    tree: Any, angle: Float[Array, ""], unsure: Float[Array, ""], steady_since: Float[Array, ""], key: PRNGKeyArray
+) -> Any:
     """Whatever holds beliefs, after the array has turned.
 
     Parameters
     ----------
     tree : state of a tracker; its beliefs are found in it, alone or stacked.
     angle : by which the array has turned since the scan before, clockwise; radians.
+    unsure : standard deviation of the angle; radians.
     steady_since : since when, up to the scan before, a line had kept its heading; points born since then are dealt to
         both sides.
     key : random key.
@@ -90,7 +92,7 @@ def turned_beliefs(tree: Any, angle: Float[Array, ""], steady_since: Float[Array
             side = jnp.where(alike, both, states.side)
             states = dataclasses.replace(states, side=side)
         # Not by its constructor: beliefs may be stacked.
-        off = angle / math.sqrt(12) * normal(key, states.bearing.shape, states.bearing.dtype)
+        off = unsure * normal(key, states.bearing.shape, states.bearing.dtype)
         return eqx.tree_at(lambda held: held.states, belief, turned(states, angle + off))
 
     return jax.tree.map(of_belief, tree, is_leaf=lambda node: isinstance(node, Belief))

@@ -28,8 +28,8 @@ from faintrack.sensors.array import SensorArray
 STEADY = 1 / 20
 """Of a main lobe: a line that turns by less keeps its heading, as it tells no side."""
 
-EVEN = 0.1
-"""Off one half, up to which the share of a side says nothing; true bearings are then those to starboard."""
+EVEN = 0.4
+"""Off one half, up to which the share of a side decides nothing; true bearings are then those to starboard."""
 
 TRUE_BEARING = Component("true_bearing", "degree", float(np.degrees(1)), attributes={"reference": NORTH})
 STARBOARD = Component("starboard", "1")
@@ -43,19 +43,22 @@ class Course:
     ----------
     heading : in the middle of each frame, of a line that of its axis, without jumps; radians clockwise from north.
     turn : since the frame before; radians.
+    unsure : standard deviation of `turn`, see `faintrack.targets.turning`; radians.
     steady_since : since when, up to the frame before, the heading had been kept; seconds.
     """
 
     heading: Float[np.ndarray, " frame"]
     turn: Float[np.ndarray, " frame"]
+    unsure: Float[np.ndarray, " frame"]
     steady_since: Float[np.ndarray, " frame"]
 
-    def turns(self, start: int, stop: int) -> tuple[Float[np.ndarray, " frame"], Float[np.ndarray, " frame"]]:
-        """Turn of some frames and start of their steady time."""
+    def turns(self, start: int, stop: int) -> tuple[Float[np.ndarray, " frame"], ...]:
+        """Turn of some frames, its deviation, and start of their steady time."""
         last = len(self.turn) - 1
         frames = np.arange(start, stop)
-        turn = np.where(frames <= last, self.turn[np.minimum(frames, last)], 0).astype(np.float32)
-        return turn, self.steady_since[np.minimum(frames, last)]
+        within, frames = frames <= last, np.minimum(frames, last)
+        turn, unsure = (np.where(within, part[frames], 0).astype(np.float32) for part in (self.turn, self.unsure))
+        return turn, unsure, self.steady_since[frames]
 
     def at(self, frames: np.ndarray) -> np.ndarray:
         """Heading of frames by number; radians."""
@@ -117,7 +120,8 @@ def course_of(middles: np.ndarray, heading: np.ndarray, steady: float) -> Course
         if abs(value - kept) > steady:
             # Between two frames, where rounding puts no target that appeared in one of them on the other side.
             kept, moment = value, (middles[number - 1] + middles[number]) / 2
-    return Course(heading, np.diff(heading, prepend=heading[0]), since)
+    turn = np.diff(heading, prepend=heading[0])
+    return Course(heading, turn, np.abs(np.diff(turn, prepend=0.0)) / math.sqrt(3), since)
 
 
 def with_true_bearing(estimates: Any, heading: Float[np.ndarray, " frame"]) -> Any:

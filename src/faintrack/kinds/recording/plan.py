@@ -61,7 +61,7 @@ class Samples(NamedTuple):
     time : of the middle of each; seconds.
     samples : of all channels; a masked one is zero.
     usable : channels that are not masked.
-    turn : of the array since the frame before, radians; None where its heading is not told.
+    turn, unsure : of the array since the frame before, and its deviation, radians; None where no heading is told.
     since : when it last turned, up to the frame before; seconds.
     """
 
@@ -69,6 +69,7 @@ class Samples(NamedTuple):
     samples: Any
     usable: Any
     turn: Any = None
+    unsure: Any = None
     since: Any = None
 
 
@@ -79,20 +80,23 @@ class RecordingStep(eqx.Module):
     background: ArrayBackground | None
     tracker: Tracker | DetectAndTrack
 
-    def scans(self, block: Samples) -> tuple[BeamScan, Float[Array, "frame beam"], tuple[Array, Array] | None]:
-        """Scans of some frames, rows of the record in dB, and turns of the array with the start of its steady time.
+    def scans(self, block: Samples) -> tuple[BeamScan, Float[Array, "frame beam"], tuple[Array, Array, Array] | None]:
+        """Scans of some frames, rows of the record in dB, and turns of the array (`Course.turns`).
 
         Of several rings of beams a row has the loudest at every bearing.
         """
         scans, grid = self.beamformer.scan(*block[:3]), self.beamformer.grid
-        turns = None if block.turn is None else (block.turn, block.since)
+        turns = None if block.turn is None else (block.turn, block.unsure, block.since)
         record = energies(scans)
         if grid.elevations:
             record = jnp.max(record.reshape(-1, grid.rings, grid.beams), axis=1)
         return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(record), 1e-6)), turns
 
     def advance(
-        self, state: Any, scan: tuple[BeamScan, Float[Array, " beam"], tuple[Array, Array] | None], key: PRNGKeyArray
+        self,
+        state: Any,
+        scan: tuple[BeamScan, Float[Array, " beam"], tuple[Array, Array, Array] | None],
+        key: PRNGKeyArray,
     ) -> tuple[Any, tuple[Any, Float[Array, " beam"]]]:
         """As `faintrack.kinds.kind.Step.advance`."""
         (memory, following), (frame, row, turn) = state, scan
