@@ -12,8 +12,9 @@ import pytest
 from tests.scenes import CIRCLE, LINE, Scene
 
 # What one process has compiled, the others read: processes of a run, workers of a study, and the next run.
+CACHES = Path(__file__).parent.parent / ".cache"
 COMPILED = {
-    "jax_compilation_cache_dir": str(Path(__file__).parent.parent / ".cache" / "jax"),
+    "jax_compilation_cache_dir": str(CACHES / "faintrack"),
     "jax_persistent_cache_min_compile_time_secs": 0.0,
 }
 # Most of the suite's time goes into compiling what runs for a moment: half of it, for slower code.
@@ -21,6 +22,7 @@ QUICKLY_COMPILED = (
     "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true --xla_cpu_use_fusion_emitters=false"
 )
 os.environ["XLA_FLAGS"] = f"{QUICKLY_COMPILED} {os.environ.get('XLA_FLAGS', '')}"
+os.environ["XDG_CACHE_HOME"] = str(CACHES)
 for option, value in COMPILED.items():
     os.environ[option.upper()] = str(value)
     jax.config.update(option, value)
