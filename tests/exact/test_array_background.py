@@ -53,7 +53,9 @@ def remembered(background: ArrayBackground, scans: list[BeamScan]) -> Learnt:
     return learnt
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.5])
+@pytest.mark.parametrize(
+    "share", [0.1, pytest.param(0.0, marks=pytest.mark.slow), pytest.param(0.5, marks=pytest.mark.slow)]
+)
 def test_the_share_is_found_again(share: float) -> None:
     plan, background = planned()
     found = SHARES[np.asarray(remembered(background, drawn(plan, share, FRAMES)).share)]

@@ -194,7 +194,7 @@ def draw_every_bin(sonar: ActiveSonar, threshold: float, mean: np.ndarray) -> Pi
 
 
 @kinds
-@pytest.mark.parametrize("present", [False, True], ids=["noise", "target"])
+@pytest.mark.parametrize("present", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["target", "noise"])
 def test_mean_ratio_is_1(kind: str, present: bool) -> None:
     """4,000 pings with every bin drawn, 5 standard errors, each below 0.02: of the ratio under noise, and of its
     inverse under a target near the last bins. The SNR is one at which the ratio has a variance."""
@@ -230,6 +230,7 @@ def test_mean_ratio_of_a_bin_is_1_in_any_background(rate: float, float64: type) 
         assert found == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.slow
 @kinds
 def test_mean_ratio_is_1_in_a_learnt_background(kind: str) -> None:
     """4,000 pings with every bin drawn, 5 standard errors: bins of the first half exceed the threshold three times as

@@ -143,6 +143,7 @@ def fits() -> tuple[np.ndarray, ...]:
     return tuple(np.asarray(each, float) for each in kept)
 
 
+@pytest.mark.slow
 def test_estimates_reach_the_cramer_rao_bound(fits: tuple[np.ndarray, ...]) -> None:
     """Squared errors over the bound's covariance sum to the four components, a twentieth more allowed for curvature."""
     states, covariances, _, _ = fits
@@ -163,6 +164,7 @@ def test_estimates_reach_the_cramer_rao_bound(fits: tuple[np.ndarray, ...]) -> N
     assert abs(own.mean() - 4) < 0.2 + STANDARD_ERRORS * own.std() / math.sqrt(len(own))
 
 
+@pytest.mark.slow
 def test_a_target_is_told_from_none(fits: tuple[np.ndarray, ...]) -> None:
     """The highest ratio of false bearings alone lies below the lowest with a target, here by far."""
     _, _, with_target, without = fits

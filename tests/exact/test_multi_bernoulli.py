@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from faintrack.beliefs.axis import between
 from faintrack.beliefs.grids import Grid
@@ -78,6 +79,7 @@ def followed() -> Followed:
     return Followed(estimates, made[-2][0], *made[-1])
 
 
+@pytest.mark.slow
 def test_two_that_pass_are_followed_and_one_that_leaves_is_gone() -> None:
     estimates = followed().estimates
     x, y = places()

@@ -64,7 +64,7 @@ def by_every_bin(guided: Guided, returns: tuple[np.ndarray, np.ndarray], x: np.n
 
 @pytest.mark.parametrize(
     ("second", "off"),
-    [("crosses", ()), ("elsewhere", ((5, 3),)), ("nothing", ())],
+    [("crosses", ()), ("elsewhere", ((5, 3),)), pytest.param("nothing", (), marks=pytest.mark.slow)],
 )
 def test_means_are_those_of_the_product_bin_by_bin(second: str, off: tuple[Any, ...]) -> None:
     """2500 places a cell, evenly spaced, of which every bin is summed in double precision. Where both have returns in a
@@ -98,6 +98,7 @@ def test_order_of_pairs_does_not_matter() -> None:
     np.testing.assert_allclose(one[plain(one)], other[plain(one)], atol=0.3)
 
 
+@pytest.mark.slow
 def test_pairs_of_other_bins_come_in_the_same_order() -> None:
     """With delays that are not as fine the pairs are put in order, so that the numbers are the same."""
     both = [guided_of(RECEIVERS[0]), guided_of(RECEIVERS[1], finer=(3, 16, 1))]
@@ -124,6 +125,7 @@ def test_one_pair_is_itself() -> None:
     np.testing.assert_allclose(found[plain(alone)], alone[plain(alone)], atol=0.3)
 
 
+@pytest.mark.slow
 def test_sensors_that_move_give_the_same_means() -> None:
     both = [guided_of(receiver) for receiver in RECEIVERS]
     pings = [heard(each.likelihood.sonar, *returns_near(each, 25.0)) for each in both]

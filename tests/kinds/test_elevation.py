@@ -32,7 +32,7 @@ def tracked(what: Any) -> ft.Result:
     return ft.track(ft.simulate(what), what)
 
 
-@pytest.mark.parametrize("elevation", [10.0, 60.0])
+@pytest.mark.parametrize("elevation", [60.0, pytest.param(10.0, marks=pytest.mark.slow)])
 def test_a_wave_from_above_is_at_its_bearing(elevation: float) -> None:
     """Frames of five runs within 3 deviations, but for one in fifty: those of a track are not independent."""
     inside: list[np.ndarray] = []
@@ -65,7 +65,11 @@ def test_sound_that_is_slower_than_the_array_says_is_told() -> None:
 
 
 @pytest.mark.parametrize(
-    "sources", [[], [source(0.0)], [source(10.0, 5.0)], [source(0.0, 15.0), source(0.0, 5.0, -30.0)]]
+    "sources",
+    [
+        [source(0.0, 15.0), source(0.0, 5.0, -30.0)],
+        *(pytest.param(one, marks=pytest.mark.slow) for one in ([], [source(0.0)], [source(10.0, 5.0)])),
+    ],
 )
 def test_nothing_is_said_of_level_waves(sources: list[dict[str, float]]) -> None:
     for seed in range(3):
@@ -95,6 +99,7 @@ def test_tables_have_elevation_and_trace_velocity(tmp_path: Path) -> None:
     assert 0 < float(row["trace_velocity_m_s_std"]) < 100
 
 
+@pytest.mark.slow
 def test_a_threshold_is_calibrated_with_targets_above_the_horizon() -> None:
     what = scenario(target=ABOVE, filter={"particles": 200, "births": 50})
     assert 0 < ft.calibrate(what, probability=0.2, duration=50.0, runs=4).threshold.value < 1

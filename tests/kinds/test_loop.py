@@ -42,7 +42,7 @@ def test_following_goes_on_where_it_stopped(kind: str) -> None:
 
 
 @SMALL
-@pytest.mark.parametrize("size", [1, BLOCK])
+@pytest.mark.parametrize("size", [BLOCK, pytest.param(1, marks=pytest.mark.slow)])
 def test_blocks_of_any_size_say_the_same(kind: str, size: int) -> None:
     """Blocks of 5 leave a last one of 2. Sums are rounded in another order: a thousand roundings of single precision,
     of existence and of components of some hundred units."""

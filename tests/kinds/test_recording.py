@@ -113,6 +113,7 @@ def test_what_cannot_be_looked_at_is_an_error(tmp_path: Path) -> None:
         ft.info(frames, check=True)
 
 
+@pytest.mark.slow
 def test_noise_from_all_directions_is_no_source() -> None:
     """Half of the noise arrives from everywhere; with channels taken for independent it is a track to the end."""
     rng, seconds = np.random.default_rng(2), 20

@@ -60,6 +60,7 @@ def test_lines_say_what_tracks_are(folder: Path) -> None:
     assert scans[-1]["tracks"]
 
 
+@pytest.mark.slow
 def test_a_promise_is_kept_live_too(folder: Path) -> None:
     what, thresholds = scenario(tracker={"targets": 2, "false_tracks": "1/h"}), set()
 
@@ -116,6 +117,7 @@ def test_a_watch_that_stops_goes_on_with_the_same_bits(folder: Path) -> None:
         run(words, other, out=out, speed=np.inf)
 
 
+@pytest.mark.slow
 def test_parts_are_as_long_as_is_said(folder: Path) -> None:
     out = folder / "watch"
     run(["replay", str(folder / "night.wav")], scenario(), out=out, speed=np.inf, part=5.0)
