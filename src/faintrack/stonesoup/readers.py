@@ -153,8 +153,8 @@ def _ranged(
 
     def distance(bearing: Any, delay: Any, source: Any, receiver: Any) -> Any:
         still = jnp.zeros(())
-        ends = (PlanarState(end[0], end[1], still, still) for end in (source, receiver))
-        return Bistatic(*ends, known.sound_speed).distance(delay, bearing)
+        first, second = (PlanarState(end[0], end[1], still, still) for end in (source, receiver))
+        return Bistatic(first, second, known.sound_speed).distance(delay, bearing)
 
     arguments = data.bearing, data.delay, source[data.ping], receiver[data.ping]
     ranges, slopes = jax.vmap(jax.value_and_grad(distance, (0, 1)))(*map(jnp.asarray, arguments))
