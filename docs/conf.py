@@ -60,6 +60,7 @@ sphinx_gallery_conf = {
             "plot_several_arrays.py",
             "plot_loud_outside.py",
             "plot_several_sources.py",
+            "plot_your_own_likelihood.py",
             # Those that are not listed yet come last, in their order.
             "*",
         ]

@@ -123,7 +123,7 @@ def to_stonesoup(tracks: Sequence[Track]) -> list[Any]:
     Returns
     -------
     A `stonesoup.types.track.Track` for each, whose `id` is the label. Components stand with their rates, (x, vx, y,
-    vy); angles are in radians.
+    vy), as the metadata `components` names them; angles are in radians. `metadatas` hold the `existence` of every scan.
 
     Raises
     ------
@@ -153,7 +153,9 @@ def to_stonesoup(tracks: Sequence[Track]) -> list[Any]:
             )
             for scan in range(len(track.time))
         ]
-        made.append(StoneSoupTrack(states, id=str(track.label)))
+        made.append(StoneSoupTrack(states, id=str(track.label), init_metadata={"components": tuple(order)}))
+        for metadata, existence in zip(made[-1].metadatas, track.existence, strict=True):
+            metadata["existence"] = float(existence)
     return made
 
 
