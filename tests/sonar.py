@@ -220,7 +220,11 @@ def mean_ratios(
 
     def ratios(bins: np.ndarray, power: np.ndarray, number: np.ndarray) -> np.ndarray:
         """At points of the mesh, shape (point, 3)."""
-        return np.exp(every_bin(sonar, float(likelihood.snr), likelihood.threshold, bins, power, number / finer, rate))
+        snr, threshold, place = float(likelihood.snr), likelihood.threshold, number / finer
+        return sum(
+            chance * np.exp(every_bin(sonar, snr * level, threshold, bins, power, place, rate))
+            for level, chance in likelihood.fading
+        )
 
     none = np.zeros((0, 3), int)
     doppler = np.arange(sonar.shape[2] * finer[2]) + math.ceil(-finer[2] / 2)

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from faintrack.beliefs.axis import Axis
 from faintrack.errors import InputError
-from faintrack.likelihoods.exceedances import NODES, ExceedanceLikelihood, edge_class
+from faintrack.likelihoods.exceedances import FADES, NODES, ExceedanceLikelihood, edge_class, fades
 from faintrack.sensors.active import ActiveSonar, Ping, Pulse, ping
 from faintrack.sensors.bistatic import fixed
 from tests.sonar import SONARS, every_bin, log_ratio, pair, responses, states_at, sweep, tone
@@ -113,6 +113,33 @@ def test_the_log_ratio_is_the_product_over_every_bin(kind: str, dtype: type) -> 
     assert found.dtype == dtype
     assert np.ptp(expected) > 15
     assert_equal(found, expected, dtype, OPERATIONS, scale=LARGEST)
+
+
+def test_classes_of_fading_are_those_of_an_exponential_number() -> None:
+    edges = (0.05, 0.4, 2.0)
+    for (power, chance), low, high in zip(fades(edges), (0.0, *edges), (*edges, np.inf), strict=True):
+        expected = quad(lambda g: math.exp(-g), low, high)[0]
+        assert chance == pytest.approx(expected)
+        assert power == pytest.approx(quad(lambda g: g * math.exp(-g), low, high)[0] / expected)
+    assert sum(power * chance for power, chance in FADES) == pytest.approx(1)
+    assert sum(chance for _, chance in FADES) == pytest.approx(1)
+
+
+def test_bins_that_fade_together_have_the_mean_ratio_over_their_fades(dtype: type) -> None:
+    """Every class by the product over every bin. Sixteen quiet bins of a loud echo count one fade, not sixteen."""
+    sonar = sweep()
+    bins, power = returns_of(sonar)
+    likelihood, at = ExceedanceLikelihood(sonar, SNR, THRESHOLD, FADES), places(sonar, NODES)
+    found = log_ratio(likelihood, heard(sonar, bins, power), states_at(sonar, at))
+    every = [every_bin(sonar, SNR * level, THRESHOLD, bins, power, at) + math.log(chance) for level, chance in FADES]
+    assert found.dtype == dtype
+    assert_equal(found, np.logaddexp.reduce(every, axis=0), dtype, OPERATIONS, scale=LARGEST)
+    loud = [ExceedanceLikelihood(sonar, 300.0, THRESHOLD, *given) for given in ((), (FADES,))]
+    none = heard(sonar, np.zeros((0, 3)), np.zeros(0))
+    steady, fading = (float(log_ratio(one, none, states_at(sonar, at[:64]))[4]) for one in loud)
+    assert steady < fading - 3
+    # At least the chance of the deepest fade, in which 300 is below the threshold.
+    assert fading > math.log(FADES[0][1]) - 3
 
 
 @kinds

@@ -13,7 +13,7 @@ import pytest
 from faintrack.beliefs.belief import Belief, update
 from faintrack.errors import InputError
 from faintrack.likelihoods.contacts import Together
-from faintrack.likelihoods.exceedances import ExceedanceLikelihood
+from faintrack.likelihoods.exceedances import FADES, STEADY, ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.sensors.active import ActiveSonar, Ping, ping
 from faintrack.sensors.bistatic import Bistatic, fixed
@@ -91,10 +91,12 @@ def test_means_are_sums_over_the_whole_mesh(kind: str, finer: tuple[int, int, in
     np.testing.assert_allclose(found[empty], expected[empty], atol=0.03)
 
 
-def test_means_in_another_background_are_sums_over_the_whole_mesh(float64: type) -> None:
+@pytest.mark.parametrize("fading", [STEADY, FADES], ids=["by bin", "by ping"])
+def test_means_in_another_background_are_sums_over_the_whole_mesh(fading: Any, float64: type) -> None:
     """As above, of a sweep, with rates of the bins that lie up to twenty times apart."""
     sonar = sweep()
-    guided, (bins, power) = guided_of(sonar), returns_of(sonar)
+    likelihood = ExceedanceLikelihood(sonar, SNR, THRESHOLD, fading)
+    guided, (bins, power) = Guided(likelihood, grid(*names_of(sonar)), SWATH), returns_of(sonar)
     rate = np.exp(np.random.default_rng(0).uniform(-7, -4, size=sonar.shape))
     told = heard(sonar, bins, power)
     told = dataclasses.replace(told, rate=jnp.asarray(rate)[tuple(told.bins.T)])

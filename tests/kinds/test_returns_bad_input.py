@@ -103,7 +103,7 @@ def test_scenario_with_half_of_its_sections(folder: Path, lacks: str) -> None:
         ("240,2.9,90,12\n", ("row 4: delay_s is 2.9", "2.95 to 22.95 s")),
         ("240,8,90,8.9\n", ("row 4: snr_db is 8.9", "threshold, 9 dB")),
         ("240,8,90,12\n240,8.04,93,12\n", ("row 5", "same bin as that of row 4")),
-        ("300,8,90,12\n", ("time_s 300 comes 180 s after", "whole multiples of 120 s")),
+        ("200000,8,90,12\n", ("time_s 200000 comes 199880 s after", "at most 1000 times 120 s")),
         ("240,8,90,twelve\n", ("row 4: snr_db is 'twelve'",)),
     ],
 )

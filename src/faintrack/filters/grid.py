@@ -159,7 +159,7 @@ class GridFilter(eqx.Module):
 
 
 def in_steps(
-    advances: Sequence[Advance], log_weights: Float[Array, "*cells"], start: Any, end: Any, interval: float
+    advances: Sequence[Advance], log_weights: Float[Array, "*cells"], start: Any, end: Any, interval: Any
 ) -> tuple[Float[Array, "*cells"], Float[Array, ""]]:
     """Repeat steps of fixed length as often as they fit between two times, to the nearest whole number.
 
@@ -181,7 +181,7 @@ def in_steps(
 
 
 def _in_steps(
-    advances: Sequence[Advance], log_weights: Float[Array, "*cells"], start: Any, end: Any, interval: float
+    advances: Sequence[Advance], log_weights: Float[Array, "*cells"], start: Any, end: Any, interval: Any
 ) -> tuple[Float[Array, "*cells"], Float[Array, ""], Float[Array, ""]]:
     """Weights and what has left over the largest weight before, and the log of that."""
     count = jnp.round((end - start) / interval).astype(jnp.int32)

@@ -20,10 +20,22 @@ scales the excess by :math:`\mu_k`. The bracket then gains
 .. math:: \log \frac{1 - (1 - p_k) e^{q_k}}{p_k} - \log \frac{1 - (1 - p) e^{q_k}}{p} ,
 
 and the mean ratio under the background is 1 as before.
+
+**Fading of a ping.** As published every bin draws the echo's amplitude for itself. But an echo has one amplitude in a
+ping, which all bins that it reaches share: where it fades they fall silent together, and taken one by one, a dozen bins
+of overlapping beams count one fade as a dozen. With :math:`g` the power of the amplitude over its mean, exponential of
+mean 1, the ratio is
+
+.. math:: \ell(y | x) = \mathrm{E}_g \, \ell(y | x, s g) \approx \sum_i w_i \, \ell(y | x, s g_i) ,
+
+the sum being over classes of g, `FADES`, each with its probability and its mean. Given g a bin's power is taken as
+exponential as before, which is wider than that of a constant amplitude in noise: a response that is not quite the
+model's costs little.
 """
 
 import functools
 import itertools
+import math
 from typing import Any
 
 import equinox as eqx
@@ -44,6 +56,37 @@ BLOCK = 1024
 
 Real = Float[Array, "..."]
 
+Fades = tuple[tuple[float, float], ...]
+"""Power of an amplitude over its mean, and the probability of it; powers have the mean 1."""
+
+
+def fades(edges: tuple[float, ...]) -> Fades:
+    """Mean and probability of the classes of an exponential number of mean 1.
+
+    Parameters
+    ----------
+    edges : between the classes, ascending and above 0.
+
+    Examples
+    --------
+    >>> [[round(number, 3) for number in one] for one in fades((math.log(2),))]
+    [[0.307, 0.5], [1.693, 0.5]]
+    """
+    beyond = [1.0, *(math.exp(-edge) for edge in edges), 0.0]
+    # Of the mean, what lies beyond an edge.
+    means = [1.0, *((1 + edge) * math.exp(-edge) for edge in edges), 0.0]
+    return tuple(
+        ((means[i] - means[i + 1]) / (beyond[i] - beyond[i + 1]), beyond[i] - beyond[i + 1])
+        for i in range(len(edges) + 1)
+    )
+
+
+STEADY: Fades = ((1.0, 1.0),)
+"""The bins of an echo fade each for itself."""
+
+FADES = fades(tuple(10 ** (edge_db / 10) for edge_db in (-17.5, -12.5, -7.5, -2.5, 2.5)))
+"""The bins of an echo fade together, in classes 5 dB wide."""
+
 
 class ExceedanceLikelihood(eqx.Module):
     """Log ratio of the returns of one ping.
@@ -53,8 +96,9 @@ class ExceedanceLikelihood(eqx.Module):
     sonar : bins and response.
     snr : mean power of a target's echo over that of the noise, s; linear.
     threshold : eta, over the mean power of the noise; linear.
-    quiet : the sum over quiet bins by class of delay, place in the delay bin and in the beam, class of Doppler, place
-        in the Doppler bin.
+    quiet : the sum over quiet bins by class of fading, class of delay, place in the delay bin and in the beam, class of
+        Doppler, place in the Doppler bin.
+    fading : classes of the power that the bins of an echo share in a ping; `STEADY` or `FADES`.
 
     Raises
     ------
@@ -77,9 +121,10 @@ class ExceedanceLikelihood(eqx.Module):
     sonar: ActiveSonar
     snr: Float[Array, ""]
     threshold: float = eqx.field(static=True)
-    quiet: Float[Array, "_ _ _ _ _"]
+    quiet: Float[Array, "fade _ _ _ _ _"]
+    fading: Fades = eqx.field(static=True)
 
-    def __init__(self, sonar: ActiveSonar, snr: float, threshold: float) -> None:
+    def __init__(self, sonar: ActiveSonar, snr: float, threshold: float, fading: Fades = STEADY) -> None:
         if not threshold > 0 or not snr >= 0:
             raise InputError(
                 f"exceedances: threshold is {threshold:g} and SNR {snr:g}; expected above 0, and at least 0 (linear)."
@@ -87,7 +132,8 @@ class ExceedanceLikelihood(eqx.Module):
         self.sonar = sonar
         self.snr = jnp.asarray(snr, float)
         self.threshold = float(threshold)
-        self.quiet = quiet_table(sonar, snr, threshold, (NODES, NODES, NODES))
+        self.fading = fading
+        self.quiet = quiet_tables(self, (NODES, NODES, NODES))
 
     @eqx.filter_jit
     def log_ratio(self, ping: Ping, states: Any) -> Real:
@@ -104,7 +150,7 @@ class ExceedanceLikelihood(eqx.Module):
         # Side by side, runs would wait for the one with the most states near returns, and pass over no return.
         @jax.custom_batching.sequential_vmap
         def told(arrays: ExceedanceLikelihood, ping: Ping, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
-            return eqx.combine(arrays, others)._at(ping, place)
+            return eqx.combine(arrays, others)._faded(ping, place)
 
         return told(arrays, ping, jnp.stack([each.ravel() for each in place])).reshape(place[0].shape)
 
@@ -118,7 +164,17 @@ class ExceedanceLikelihood(eqx.Module):
         present : whether it is there.
         key : random key.
         """
-        return draw_returns(key, self.sonar, self.snr, self.threshold, ping, states, present)[0]
+        for_fade, for_returns = (key, key) if self.fading == STEADY else jax.random.split(key)
+        return draw_returns(
+            for_returns, self.sonar, self.drawn_snr(for_fade, ()), self.threshold, ping, states, present
+        )[0]
+
+    def drawn_snr(self, key: PRNGKeyArray, shape: tuple[int, ...]) -> Real:
+        """SNR of echoes in one ping; the mean where their bins fade each for itself."""
+        if self.fading == STEADY:
+            return self.snr
+        powers, chances = jnp.asarray(self.fading, self.snr.dtype).T
+        return self.snr * jax.random.choice(key, powers, shape, p=chances)
 
     def told(self, response: Real, power: Real, rate: Real | None = None) -> Real:
         """What a return adds for a target with this response in its bin: the bracket of the module's equation."""
@@ -129,17 +185,30 @@ class ExceedanceLikelihood(eqx.Module):
 
     def _quiet_at(self, delay: Real, beam: Real, shift: Real) -> Real:
         """The sum over quiet bins, from the table by straight lines."""
-        sonar, nodes = self.sonar, [self.quiet.shape[axis] - 1 for axis in (1, 2, 4)]
+        sonar, nodes = self.sonar, [self.quiet.shape[axis] - 1 for axis in (2, 3, 5)]
         of_delay, of_shift = (
             edge_class(jnp.floor(place), sonar.shape[axis], sonar.reach[axis]).astype(jnp.int32)
             for axis, place in ((0, delay), (2, shift))
         )
         ends = [_between_nodes(place, count) for place, count in zip((delay, beam, shift), nodes, strict=True)]
         parts = (
-            share_a * share_b * share_c * self.quiet[of_delay, a, b, of_shift, c]
+            share_a * share_b * share_c * self.quiet[0, of_delay, a, b, of_shift, c]
             for (a, share_a), (b, share_b), (c, share_c) in itertools.product(*ends)
         )
         return functools.reduce(jnp.add, parts)
+
+    def _faded(self, ping: Ping, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
+        """Log ratio at bin numbers: the mean over the classes of fading."""
+        if len(self.fading) == 1:
+            return self._at(ping, place)
+        powers, chances = jnp.asarray(self.fading, self.snr.dtype).T
+
+        def told(one: tuple[Array, Array]) -> Float[Array, " state"]:
+            snr, quiet = one
+            return eqx.tree_at(lambda whole: (whole.snr, whole.quiet), self, (snr, quiet[None]))._at(ping, place)
+
+        every = jax.lax.map(told, (self.snr * powers, self.quiet))
+        return jax.nn.logsumexp(every + jnp.log(chances)[:, None], axis=0)
 
     def _at(self, ping: Ping, place: Float[Array, "3 state"]) -> Float[Array, " state"]:
         """Log ratio at bin numbers: of the quiet bins, and where a return is near what it adds, a block at a time."""
@@ -279,6 +348,12 @@ def quiet_table(
     told = quiet_bin(1 + snr * response, threshold).sum(axis=3)
     exists = [_existing(sonar.shape[axis], reach[axis], steps[axis]) for axis in (0, 2)]
     return jnp.asarray(np.einsum("co,fobgp,ep->cfbeg", exists[0], told, exists[1], optimize=True), float)
+
+
+def quiet_tables(likelihood: ExceedanceLikelihood, nodes: tuple[int, int, int]) -> Float[Array, "fade _ _ _ _ _"]:
+    """`quiet_table` of every class of fading."""
+    sonar, snr, threshold = likelihood.sonar, float(likelihood.snr), likelihood.threshold
+    return jnp.stack([quiet_table(sonar, snr * power, threshold, nodes) for power, _ in likelihood.fading])
 
 
 def _existing(count: int, reach: int, steps: np.ndarray) -> Float[np.ndarray, "class step"]:

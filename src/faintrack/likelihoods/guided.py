@@ -29,7 +29,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from faintrack.beliefs.grids import Grid
 from faintrack.errors import InputError
-from faintrack.likelihoods.exceedances import ExceedanceLikelihood, quiet_bin, quiet_table, rated
+from faintrack.likelihoods.exceedances import ExceedanceLikelihood, quiet_bin, quiet_tables, rated
 from faintrack.likelihoods.mesh import Mesh
 from faintrack.numerics.precision import full_precision
 from faintrack.sensors.active import Ping
@@ -40,6 +40,9 @@ CELLS = 1.5
 
 AT_ONCE = 8
 """Returns that are taken in at a time."""
+
+ROWS = 128
+"""Returns that are held against all others at a time."""
 
 Real = Float[Array, "..."]
 
@@ -86,9 +89,11 @@ class Guided(eqx.Module):
     likelihood : of a state.
     mesh : points at which the ratio is taken, and the grid.
     swath : bins on either side of a return, in delay, bearing and Doppler, that are sampled.
-    tables : what a return tells at an offset: constant part, factor of its power, whether it is within the swath, and
-        what the bin tells when it is quiet.
-    quiet : what quiet bins tell at a mesh point; see `faintrack.likelihoods.exceedances.quiet_table`.
+    tables : what a return tells at an offset, by class of fading: constant part, factor of its power, whether it is
+        within the swath, and what the bin tells when it is quiet.
+    quiets : what quiet bins tell at a mesh point, by class of fading; see
+        `faintrack.likelihoods.exceedances.quiet_table`.
+    quiet : the same, over all classes.
     cover : of the fixed source and receiver; None where they move.
 
     Raises
@@ -118,7 +123,8 @@ class Guided(eqx.Module):
     likelihood: ExceedanceLikelihood
     mesh: Mesh
     swath: tuple[int, int, int] = eqx.field(static=True)
-    tables: Float[Array, "4 _ _ _"]
+    tables: Float[Array, "fade 4 _ _ _"]
+    quiets: Float[Array, "fade _ _ _ _ _"]
     quiet: Float[Array, "_ _ _ _ _"]
     cover: Cover | None
 
@@ -135,7 +141,8 @@ class Guided(eqx.Module):
         self.likelihood, self.mesh = likelihood, Mesh(sonar, grid, finer)
         self.swath = swath if sonar.doppler is not None else (*swath[:2], 0)
         self.tables = self._offset_tables()
-        self.quiet = quiet_table(sonar, float(likelihood.snr), likelihood.threshold, self.mesh.finer)
+        self.quiets = quiet_tables(likelihood, self.mesh.finer)
+        self.quiet = self._over_fading(self.quiets)
         self.cover = None
         if sonar.pair is not None:
             self.cover = eqx.filter_jit(cover_of)(self.mesh, self.quiet, sonar.pair)
@@ -225,16 +232,20 @@ class Guided(eqx.Module):
 
     def _companions(self, ping: Ping, of_others: Float[Array, " return"]) -> Float[Array, " return"]:
         """What returns tell less because others spread into their bins (the last equation of `beside`)."""
-        sonar = self.likelihood.sonar
-        off = ping.bins[:, None] - ping.bins
-        around = off[..., 1] - sonar.beams * jnp.round(off[..., 1] / sonar.beams)
-        off = off.at[..., 1].set(around.astype(off.dtype))
-        near = (jnp.abs(off) <= jnp.array(sonar.reach)).all(axis=-1) & ~jnp.eye(len(off), dtype=bool)
-        near = near & ping.there & ping.there[:, None]
-        spread = jnp.where(near, sonar.response(*jnp.moveaxis(off.astype(ping.power.dtype), -1, 0)), 0)
-        power = ping.power * spread
-        echo = ping.power[:, None] * power / (1 + power) - jnp.log1p(power)
-        return jnp.sum(jnp.logaddexp(jnp.log1p(-of_others), jnp.log(of_others) + echo), axis=1)
+        sonar, number = self.likelihood.sonar, jnp.arange(len(ping.there))
+
+        def of_one(mine: Int[Array, ""]) -> Real:
+            off = ping.bins[mine] - ping.bins
+            around = off[:, 1] - sonar.beams * jnp.round(off[:, 1] / sonar.beams)
+            off = off.at[:, 1].set(around.astype(off.dtype))
+            near = (jnp.abs(off) <= jnp.array(sonar.reach)).all(axis=-1) & (number != mine)
+            near = near & ping.there & ping.there[mine]
+            spread = jnp.where(near, sonar.response(*jnp.moveaxis(off.astype(ping.power.dtype), -1, 0)), 0)
+            power = ping.power * spread
+            echo = ping.power[mine] * power / (1 + power) - jnp.log1p(power)
+            return jnp.sum(jnp.logaddexp(jnp.log1p(-of_others), jnp.log(of_others) + echo))
+
+        return jax.lax.map(of_one, number, batch_size=ROWS)
 
     def _positions(self, log_weights: Float[Array, "*cells"]) -> Float[Array, "x y"]:
         """Probability of every position cell."""
@@ -323,58 +334,78 @@ class Guided(eqx.Module):
             s * (max(r, each) + each) + 1 for r, each, s in zip(reach, self.swath, self.mesh.finer, strict=True)
         )
 
-    def _offset_tables(self) -> Float[Array, "4 _ _ _"]:
+    def _over_fading(self, log_ratio: Float[Array, "fade ..."]) -> Real:
+        """Log of the mean ratio over the classes of fading."""
+        if len(log_ratio) == 1:
+            return log_ratio[0]
+        chances = jnp.asarray([chance for _, chance in self.likelihood.fading], log_ratio.dtype)
+        return jax.nn.logsumexp(log_ratio, axis=0, b=chances.reshape(-1, *(1,) * (log_ratio.ndim - 1)))
+
+    def _offset_tables(self) -> Float[Array, "fade 4 _ _ _"]:
         """What a return tells at the offsets that the swath of another return can have from it."""
         off = [
             np.arange(-(limit + steps[-1]), limit + steps[-1] + 1) / s
             for limit, steps, s in zip(self._limits, self._steps, self.mesh.finer, strict=True)
         ]
         mesh = np.meshgrid(*off, indexing="ij")
-        mean = 1 + float(self.likelihood.snr) * self.likelihood.sonar.tabled(*mesh)
+        response = float(self.likelihood.snr) * self.likelihood.sonar.tabled(*mesh)
         within = np.all([np.abs(each) <= s for each, s in zip(mesh, self.swath, strict=True)], axis=0)
-        quiet = quiet_bin(mean, self.likelihood.threshold)
-        return jnp.asarray(np.stack([-np.log(mean) - quiet, 1 - 1 / mean, within, quiet]), float)
+        tables = []
+        for power, _ in self.likelihood.fading:
+            mean = 1 + power * response
+            quiet = quiet_bin(mean, self.likelihood.threshold)
+            tables.append(np.stack([-np.log(mean) - quiet, 1 - 1 / mean, within, quiet]))
+        return jnp.asarray(np.stack(tables), float)
 
     def near(self, ping: Ping) -> Near:
         """Mesh points around the returns, and their ratio."""
         mesh, steps = self.mesh, self._steps
         shape = tuple(map(len, steps))
         place = ping.bins * jnp.array(mesh.finer)
-        off = place[:, None] - place[None, :]
-        off = off.at[..., 1].set((off[..., 1] + mesh.around // 2) % mesh.around - mesh.around // 2)
-        limits = jnp.array(self._limits)
-        number = jnp.arange(len(place))
-        close = (jnp.abs(off) < limits).all(axis=-1) & ping.there[:, None] & ping.there[None, :]
-        close = close & (number[:, None] != number[None, :])
-        (pairs,) = jnp.nonzero(close.ravel(), size=close.size, fill_value=0)
+        limits, number = jnp.array(self._limits), jnp.arange(len(place))
+        # Returns ascend in delay: those that bear on one are neighbours in the list, and no pair is held in memory.
+        delays = jnp.where(ping.there, ping.bins[:, 0], jnp.iinfo(jnp.int32).max // 2)
+        span = (self._limits[0] - 1) // mesh.finer[0]
+        first, last = jnp.searchsorted(delays, delays - span), jnp.searchsorted(delays, delays + span, side="right")
 
         def told_at(off: Int[Array, " 3"], other: Int[Array, ""]) -> tuple[Real, Real]:
             """What a return tells in the swath of one at an offset from it, and where that is in its own swath."""
-            constant, factor, within, quiet = jax.lax.dynamic_slice(self.tables, (0, *(off + limits)), (4, *shape))
+            size = (len(self.tables), 4, *shape)
+            table = jax.lax.dynamic_slice(self.tables, (0, 0, *(off + limits)), size)
+            constant, factor, within, quiet = jnp.moveaxis(table, 1, 0)
             told = constant + factor * ping.power[other]
             if ping.rate is not None:
                 told = told + rated(quiet, 1 / (1 - factor), ping.rate[other], self.likelihood.threshold)
-            return told, within
+            return told, within[0]
 
-        def join(pair: Int[Array, ""], carried: tuple[Array, Array]) -> tuple[Array, Array]:
-            total, twice = carried
-            mine, other = pairs[pair] // len(place), pairs[pair] % len(place)
-            told, within = told_at(off[mine, other], other)
-            total = total.at[mine].add(told)
-            return total, twice.at[mine].max((within > 0) & (other < mine))
+        def join(mine: Int[Array, ""], carried: tuple[Array, Array]) -> tuple[Array, Array]:
+            def beside(other: Int[Array, ""], row: tuple[Array, Array]) -> tuple[Array, Array]:
+                off = place[mine] - place[other]
+                off = off.at[1].set((off[1] + mesh.around // 2) % mesh.around - mesh.around // 2)
+
+                def added() -> tuple[Array, Array]:
+                    told, within = told_at(off, other)
+                    return row[0] + told, jnp.maximum(row[1], (within > 0) & (other < mine))
+
+                close = (jnp.abs(off) < limits).all() & (other != mine)
+                return jax.lax.cond(close, added, lambda: row)
+
+            row = jax.lax.fori_loop(first[mine], last[mine], beside, (carried[0][mine], carried[1][mine]))
+            return carried[0].at[mine].set(row[0]), carried[1].at[mine].set(row[1])
 
         own = jax.vmap(lambda number: told_at(jnp.zeros(3, jnp.int32), number)[0])(number)
-        total, twice = jax.lax.fori_loop(0, close.sum(), join, (own, jnp.zeros(own.shape, bool)))
+        start = own, jnp.zeros((len(place), *shape), bool)
+        total, twice = jax.lax.fori_loop(0, ping.there.sum(), join, start)
 
         delay, bearing, doppler = (place[:, axis, None] + steps[axis] for axis in range(3))
         bearing = bearing % mesh.around
         of_delay, in_delay = (each[:, :, None, None] for each in mesh.whole(delay, 0))
         of_doppler, in_doppler = (each[:, None, None, :] for each in mesh.whole(doppler, 2))
         in_beam = (bearing % mesh.finer[1])[:, None, :, None]
-        quiet = self.quiet[of_delay, in_delay, in_beam, of_doppler, in_doppler]
+        quiet = self.quiets[:, of_delay, in_delay, in_beam, of_doppler, in_doppler]
         heard = mesh.heard(delay, 0)[:, :, None, None] & mesh.heard(doppler, 2)[:, None, None, :]
         used = ping.there[:, None, None, None] & heard & ~twice
-        return Near(total + quiet, used, delay, bearing, doppler)
+        return Near(self._over_fading(jnp.moveaxis(total, 1, 0) + quiet), used, delay, bearing, doppler)
 
 
 def default_at(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], doppler: Int[Array, "..."]) -> Real:

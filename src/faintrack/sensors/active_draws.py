@@ -20,7 +20,7 @@ from faintrack.sensors.bistatic import Bistatic
 def draw_returns(
     key: PRNGKeyArray,
     sonar: ActiveSonar,
-    snr: Float[Array, ""] | float,
+    snr: Float[Array, "*target"] | float,
     threshold: float,
     ping: Ping,
     state: Any,
@@ -32,7 +32,7 @@ def draw_returns(
     ----------
     key : random key.
     sonar : bins and response.
-    snr : mean power of a target's echo over that of the noise; linear.
+    snr : mean power of a target's echo over that of the noise, or of each target's; linear.
     threshold : over the mean power of the noise; linear.
     ping : its time, source and receiver, and number of entries are kept.
     state : of a target, scalars; or of several, all of one shape.
@@ -50,9 +50,9 @@ def draw_returns(
     missing = clutter[-1] < sonar.size
     quiet_power = threshold + jax.random.exponential(for_power, (capacity + 1,))
 
-    bins, response = _around(sonar, sonar.geometry(ping), state, jnp.asarray(present))
-    reached = (response > 0) & ((bins >= 0) & (bins < jnp.array(sonar.shape))).all(axis=1)
-    power = (1 + snr * response) * jax.random.exponential(for_target, response.shape)
+    bins, rise = _around(sonar, sonar.geometry(ping), state, jnp.asarray(present), jnp.asarray(snr))
+    reached = (rise > 0) & ((bins >= 0) & (bins < jnp.array(sonar.shape))).all(axis=1)
+    power = (1 + rise) * jax.random.exponential(for_target, rise.shape)
     flat = _flat(bins, sonar.shape)
     reached = reached & _foremost(jnp.where(reached, flat, sonar.size))
     echo = jnp.where(reached & (power > threshold), flat, sonar.size)
@@ -71,9 +71,9 @@ def draw_returns(
 
 
 def _around(
-    sonar: ActiveSonar, pair: Bistatic, state: Any, present: Bool[Array, "*target"]
+    sonar: ActiveSonar, pair: Bistatic, state: Any, present: Bool[Array, "*target"], snr: Float[Array, "*target"]
 ) -> tuple[Int[Array, "bin 3"], Float[Array, " bin"]]:
-    """Bins around the places of targets, one target after the other, and the response of all of them in each."""
+    """Bins around the places of targets, one target after the other, and what all of them add to the mean in each."""
     place = jnp.stack([jnp.ravel(value) for value in jnp.broadcast_arrays(*sonar.place(pair, state))], axis=-1)
     there = jnp.broadcast_to(present, place.shape[:1]) & sonar.heard(place[:, 0], place[:, 2])
     offsets = np.stack(
@@ -82,8 +82,9 @@ def _around(
     bins = (jnp.floor(place).astype(jnp.int32)[:, None] + offsets).reshape(-1, 3)
     off = bins - place[:, None]
     beam = off[..., 1] - sonar.beams * jnp.round(off[..., 1] / sonar.beams)
-    response = jnp.where(there[:, None], sonar.response(off[..., 0], beam, off[..., 2]), 0).sum(axis=0)
-    return bins.at[:, 1].set(bins[:, 1] % sonar.beams), response
+    power = jnp.broadcast_to(snr, place.shape[:1])[:, None]
+    rise = jnp.where(there[:, None], power * sonar.response(off[..., 0], beam, off[..., 2]), 0).sum(axis=0)
+    return bins.at[:, 1].set(bins[:, 1] % sonar.beams), rise
 
 
 def _foremost(values: Int[Array, " bin"]) -> Bool[Array, " bin"]:

@@ -18,7 +18,19 @@ from faintrack.sensors.active import ActiveSonar, Ping
 from faintrack.sensors.bistatic import Bistatic
 
 ENTRIES = 16
-"""Capacities are whole multiples of it, so that files of one sonar mostly share a compiled step."""
+"""Capacities are whole multiples of it."""
+
+
+def capacity_of(returns: int) -> int:
+    """Entries that hold some returns: in steps of an eighth, so that files of one sonar mostly share a compiled step.
+
+    Examples
+    --------
+    >>> [capacity_of(count) for count in (0, 16, 17, 250, 300, 4651)]
+    [16, 16, 32, 256, 320, 5120]
+    """
+    step = max(ENTRIES, 2 ** (max(returns, 1).bit_length() - 4))
+    return step * max(1, -(-returns // step))
 
 
 @dataclass(frozen=True)
@@ -42,8 +54,8 @@ class Binned:
 
     @property
     def capacity(self) -> int:
-        """Entries that hold the largest ping: its returns, rounded up to a multiple of `ENTRIES`."""
-        return ENTRIES * max(1, -(-int(self.returns.counts.max()) // ENTRIES))
+        """Entries that hold the largest ping, `capacity_of` its returns."""
+        return capacity_of(int(self.returns.counts.max()))
 
     def pings(self, numbers: Int[np.ndarray, " ping"]) -> Ping:
         """Stack of the pings with these numbers; their times are those of the file."""

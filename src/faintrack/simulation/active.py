@@ -3,6 +3,7 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
@@ -41,7 +42,8 @@ def draw_ping(
     not what was asked for, and the capacity too small.
     """
     empty = Ping(time, jnp.zeros((capacity, 3), jnp.int32), jnp.zeros(capacity), jnp.zeros(capacity, bool), pair)
-    return draw_returns(key, likelihood.sonar, likelihood.snr, likelihood.threshold, empty, state, present)
+    snr = likelihood.drawn_snr(jax.random.fold_in(key, 0), jnp.shape(present))
+    return draw_returns(key, likelihood.sonar, snr, likelihood.threshold, empty, state, present)
 
 
 def capacity_for(likelihood: ExceedanceLikelihood, targets: int = 1) -> int:

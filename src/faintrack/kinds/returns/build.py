@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,11 +13,11 @@ from faintrack.beliefs.grids import Grid
 from faintrack.data.returns import PLATFORMS, Returns
 from faintrack.errors import InputError
 from faintrack.filters.grid import GridFilter
-from faintrack.filters.separable import POINTS, separable
+from faintrack.filters.separable import LONGEST, POINTS, separable, separable_unevenly
 from faintrack.kinds.returns.pairs import SonarPair, heard
 from faintrack.kinds.returns.sections import GridSection, ReturnsScenario, SonarSection
 from faintrack.kinds.several import Tracker, build_several
-from faintrack.likelihoods.exceedances import ExceedanceLikelihood
+from faintrack.likelihoods.exceedances import FADES, STEADY, ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
 from faintrack.likelihoods.multistatic import Multistatic
 from faintrack.sensors.active import ActiveSonar, Pulse
@@ -34,7 +35,7 @@ VELOCITY_SHARE = 0.4
 """Standard deviation of a velocity component in the long run, over the grid's largest."""
 
 UNEVEN = 0.02
-"""Of an interval: how far a ping may be from a whole number of them after the one before."""
+"""Of an interval: pings that are no farther from whole numbers of them after the one before come evenly."""
 
 LONGEST_GAP = 1000
 """Intervals between two pings at most: what is believed is carried over each of them."""
@@ -46,15 +47,36 @@ MOST_PARTS = 4
 """Parts of the patch of a mesh point in which crossings are looked for."""
 
 LARGEST_TABLE = 20_000_000
-"""Numbers at most in what is held besides: samples of a ping, pairs of its returns, tables of likelihood and motion."""
+"""Numbers at most in what is held besides: tables of likelihood and motion."""
+
+MOST_SAMPLES = 100_000_000
+"""Of the likelihood around all returns of a ping, at most: each takes some twenty bytes."""
 
 
-def ping_interval(returns: Returns) -> float:
-    """Seconds from ping to ping, of which every interval is a whole multiple.
+class Spacing(NamedTuple):
+    """How pings come.
+
+    Attributes
+    ----------
+    interval : from one to the next, where they come evenly; otherwise the median. s.
+    even : whether every interval is a whole multiple of it; otherwise the interval of every ping is its own.
+    """
+
+    interval: float
+    even: bool
+
+    @property
+    def longest(self) -> float:
+        """Of the steps in which motion is carried on; s."""
+        return self.interval * (1.0 if self.even else LONGEST)
+
+
+def ping_spacing(returns: Returns) -> Spacing:
+    """How the pings of returns come.
 
     Raises
     ------
-    InputError : one ping alone, intervals that are not multiples of the shortest, or one of very many.
+    InputError : one ping alone, or an interval of very many usual ones.
     """
     if returns.length < 2:
         raise InputError(
@@ -65,14 +87,16 @@ def ping_interval(returns: Returns) -> float:
     # The shortest is one of several that are rounded in the file: their mean is nearer.
     interval = float(np.mean(intervals[intervals < 1.5 * shortest]))
     number = intervals / interval
-    wrong = (np.abs(number - np.round(number)) > UNEVEN) | (number > LONGEST_GAP + 0.5)
-    if wrong.any():
-        first = int(np.argmax(wrong))
+    even = bool(np.all(np.abs(number - np.round(number)) <= UNEVEN))
+    if not even:
+        interval = float(np.median(intervals))
+    if intervals.max() > (LONGEST_GAP + 0.5) * interval:
+        first = int(np.argmax(intervals))
         raise InputError(
             f"{returns.origin}: the ping with time_s {returns.times[first + 1]:.10g} comes {intervals[first]:.6g} s "
-            f"after the one before; expected whole multiples of {interval:.6g} s, and at most {LONGEST_GAP}."
+            f"after the one before; expected at most {LONGEST_GAP} times {interval:.6g} s, the usual interval."
         )
-    return interval
+    return Spacing(interval, even)
 
 
 def build_grid(scenario: ReturnsScenario) -> Grid:
@@ -115,7 +139,7 @@ def build_sonar(table: SonarSection) -> ActiveSonar:
 def build_likelihood(table: SonarSection, sonar: ActiveSonar) -> ExceedanceLikelihood:
     """What returns of a sonar say of a target, which their simulation draws from as well."""
     threshold, snr = (10 ** (value / 10) for value in (table.threshold_db, table.snr_db))
-    return ExceedanceLikelihood(sonar, snr, threshold)
+    return ExceedanceLikelihood(sonar, snr, threshold, FADES if table.fading == "ping" else STEADY)
 
 
 def build_moving(pair: SonarPair, returns: Returns) -> Bistatic | None:
@@ -238,7 +262,7 @@ def build_background(
     return each[0] if len(each) == 1 else MultistaticBackground(each)
 
 
-def build_tracker(scenario: ReturnsScenario, parts: tuple[PairReturns, ...], grid: Grid, interval: float) -> Tracker:
+def build_tracker(scenario: ReturnsScenario, parts: tuple[PairReturns, ...], grid: Grid, spacing: Spacing) -> Tracker:
     """Tracker of a scenario for the returns of each pair.
 
     Raises
@@ -247,13 +271,14 @@ def build_tracker(scenario: ReturnsScenario, parts: tuple[PairReturns, ...], gri
     """
     grid_table, target_table = scenario.grid, scenario.target
     noise = velocity_noise(scenario)
-    _require_slow(grid_table, noise, interval)
+    _require_slow(grid_table, noise, spacing.longest)
     guided = []
     for part in parts:
         table, sonar = part.pair.table, part.binned.sonar
         swath, finer = _samples(table, sonar, part.every)
-        _require_room(part.binned, swath, finer)
-        guided.append(Guided(build_likelihood(table, sonar), grid, swath, finer))
+        known = build_likelihood(table, sonar)
+        _require_room(part.binned, swath, finer, len(known.fading))
+        guided.append(Guided(known, grid, swath, finer))
     _require_crossings(guided, parts)
     likelihood = guided[0] if len(guided) == 1 else Multistatic(guided)
     motion = OrnsteinUhlenbeck(noise, target_table.relaxation)
@@ -261,8 +286,9 @@ def build_tracker(scenario: ReturnsScenario, parts: tuple[PairReturns, ...], gri
         PlanarState(*(jnp.asarray(float(axis.edges[end]), jnp.float32) for _, axis in grid.axes)) for end in (0, -1)
     )
     target = Target(UniformBirth(low, high), motion, target_table.arrival_rate, target_table.departure_rate)
-    carried = GridFilter(grid, target, separable(grid, motion, interval), returns=True)
-    return build_several(carried, likelihood, scenario.tracker, interval)
+    transport = (separable if spacing.even else separable_unevenly)(grid, motion, spacing.interval)
+    carried = GridFilter(grid, target, transport, returns=True)
+    return build_several(carried, likelihood, scenario.tracker, spacing.interval)
 
 
 def _samples(
@@ -275,18 +301,19 @@ def _samples(
     return swath, finer
 
 
-def _require_room(binned: Binned, widths: tuple[int, int, int], finer: tuple[int, int, int]) -> None:
+def _require_room(binned: Binned, widths: tuple[int, int, int], finer: tuple[int, int, int], fades: int) -> None:
     """Refuse pings and swaths that no memory holds."""
     axes = 2 if binned.sonar.doppler is None else 3
     swath = list(zip(binned.sonar.reach, widths, finer, strict=True))[:axes]
-    samples = math.prod(2 * width * finer + 1 for _, width, finer in swath)
-    if binned.capacity * max(samples, binned.capacity) > LARGEST_TABLE:
+    samples = fades * math.prod(2 * width * finer + 1 for _, width, finer in swath)
+    if binned.capacity * samples > MOST_SAMPLES:
         raise InputError(
             f"a ping has up to {binned.returns.counts.max()} returns, with {samples:,} samples of the likelihood "
-            "around each; expected fewer: a higher sonar.threshold_db, or a smaller sonar.swath or sonar.finer."
+            f"around each; expected at most {MOST_SAMPLES // samples} returns: a higher sonar.threshold_db, or a "
+            "smaller sonar.swath or sonar.finer."
         )
     offsets = math.prod(2 * finer * (max(reach, width) + 2 * width + 1) + 1 for reach, width, finer in swath)
-    if offsets > LARGEST_TABLE:
+    if fades * offsets > LARGEST_TABLE:
         raise InputError(
             f"a return bears on another at {offsets:,} offsets; expected a smaller sonar.reach, sonar.swath or "
             "sonar.finer."

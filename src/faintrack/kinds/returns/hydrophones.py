@@ -156,14 +156,16 @@ def tail_shape(table: SonarSection, reception: ReceptionSection) -> float:
     return 1 / (2 * reception.window * min(1.0, sonar.delay.step / width))
 
 
-def with_tail(scenario: ReturnsScenario) -> ReturnsScenario:
-    """Scenario with the shape of the tail that its normaliser leaves filled in, where it learns the level."""
-    background = scenario.background
-    if scenario.reception is None or background.shape is not None or not background.learn:
+def with_reception(scenario: ReturnsScenario) -> ReturnsScenario:
+    """Scenario with what follows from its reception: an echo's bins fade together, and the tail of the normaliser."""
+    background, reception = scenario.background, scenario.reception
+    if reception is None:
         return scenario
-    if scenario.tracker.targets == 1:
+    if scenario.sonar.fading is None:
+        scenario = scenario.model_copy(update={"sonar": scenario.sonar.model_copy(update={"fading": "ping"})})
+    if background.shape is not None or not background.learn or scenario.tracker.targets == 1:
         return scenario
-    shape = tail_shape(next(iter(scenario.pairs.values())), scenario.reception)
+    shape = tail_shape(next(iter(scenario.pairs.values())), reception)
     return scenario.model_copy(update={"background": background.model_copy(update={"shape": min(shape, 0.5)})})
 
 

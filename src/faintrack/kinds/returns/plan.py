@@ -27,10 +27,10 @@ from faintrack.kinds.returns.build import (
     build_grid,
     build_tracker,
     chosen,
-    ping_interval,
+    ping_spacing,
 )
 from faintrack.kinds.returns.fit import Fit, FitOfPairs, about_pairs, fit_of_scan
-from faintrack.kinds.returns.hydrophones import with_tail
+from faintrack.kinds.returns.hydrophones import with_reception
 from faintrack.kinds.returns.pairs import reported_by
 from faintrack.kinds.returns.sections import ReturnsScenario
 from faintrack.kinds.several import Tracker, with_targets
@@ -115,10 +115,10 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
     ------
     InputError : returns and scenario do not fit together.
     """
-    scenario = with_tail(scenario)
+    scenario = with_reception(scenario)
     with naming(returns.origin):
-        parts, grid, interval = build_binned(scenario, returns), build_grid(scenario), ping_interval(returns)
-        tracker = build_tracker(scenario, parts, grid, interval)
+        parts, grid, spacing = build_binned(scenario, returns), build_grid(scenario), ping_spacing(returns)
+        tracker = build_tracker(scenario, parts, grid, spacing)
         background = build_background(scenario, tracker, parts)
     one = len(parts) == 1
     reported = reported_by(scenario, returns, parts)
@@ -133,14 +133,14 @@ def plan(returns: Returns, scenario: ReturnsScenario) -> Plan:
         "source": returns.origin,
         "start_time": "",
         "first_scan_time": float(returns.times[0]),
-        "scan_interval": interval,
+        "scan_interval": spacing.interval,
         "capacity": max(part.binned.capacity for part in parts),
     }
 
     def read(start: int, stop: int) -> tuple[Heard, Int[np.ndarray, " ping"]]:
         numbers = np.arange(start, min(stop, returns.length))
         # From one interval before the first ping on, so that a target may be there from the beginning.
-        times = since[numbers] + interval
+        times = since[numbers] + spacing.interval
         pings = tuple(eqx.tree_at(lambda pings: pings.time, part.binned.pings(numbers), times) for part in parts)
         scans = pings[0] if one else Pings(times, pings, jnp.asarray(reported[numbers]))
         return scans, slots_of(numbers, snapshots)

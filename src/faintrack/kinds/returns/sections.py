@@ -80,6 +80,8 @@ class SonarSection(Section):
     sound_speed : m/s.
     threshold_db : that returns exceed, over the mean power of the noise.
     snr_db : mean power of a target's echo in its bin, over that of the noise.
+    fading : "bin": every bin of an echo draws its amplitude for itself, as published; "ping": one amplitude in a ping.
+        Where not given, "ping" with `[reception]`, otherwise "bin".
     reach : bins of delay, bearing and Doppler from its place in which an echo is heard; in bearing all around at most.
     swath : bins from a return in which the likelihood is sampled; likewise.
     finer : samples a bin.
@@ -101,6 +103,7 @@ class SonarSection(Section):
     sound_speed: float = Field(default=1500.0, gt=0)
     threshold_db: float = Field(gt=0, le=60, examples=[9.0])
     snr_db: float = Field(ge=-40, le=80, examples=[12.0])
+    fading: Literal["bin", "ping"] | None = None
     reach: Reach = (10, 6, 6)
     swath: Reach = (5, 3, 3)
     finer: Finer = (1, 4, 1)
