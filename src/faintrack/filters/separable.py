@@ -223,11 +223,11 @@ def _displaced(place: Axis, rate: Axis, step: Step) -> tuple[Any, Any, Any]:
     """
     numbers: Any = jnp if isinstance(step.c, jax.Array) else np
     within = (np.arange(POINTS) + 0.5) / POINTS - 0.5
-    velocity = rate.values[:, None] + rate.step * within
-    edges = rate.edges.copy()
+    velocity: Any = rate.values[:, None] + rate.step * within
+    edges: Any = rate.edges.copy()
     edges[0], edges[-1] = -np.inf, np.inf
     if numbers is jnp:
-        velocity, edges = (jnp.asarray(each, step.c.dtype) for each in (velocity, edges))
+        velocity, edges = (jnp.asarray(each, jnp.result_type(step.c)) for each in (velocity, edges))
     # Without noise the rate's own cell is a step function, which the smallest of numbers turns into the same formulas.
     noise = numbers.maximum(step.c, 1e-9 * rate.step)
     low, high = ((e - step.decay * velocity[..., None]) / noise for e in (edges[:-1], edges[1:]))

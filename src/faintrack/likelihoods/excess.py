@@ -116,12 +116,12 @@ def excess_of(guided: Guided, ping: Ping, reported: Bool[Array, ""]) -> Excess:
     reported : whether it reported; otherwise it says nothing.
     """
     mesh, pair = guided.mesh, guided.likelihood.sonar.geometry(ping)
-    cover = guided.cover if ping.pair is None and guided.cover is not None else cover_of(mesh, guided.quiet, pair)
+    cover = guided.cover if ping.pair is None and guided.cover is not None else cover_of(mesh, guided.far, pair)
     near = guided.near(ping)
     bearing = (near.bearing * mesh.bearing_step)[:, None, :]
     inner, outer = (mesh.sector(pair, near.delay[:, :, None] + side, bearing) for side in (-0.5, 0.5))
     used = near.used & reported
-    default = default_at(mesh, guided.quiet, near.doppler)[:, None, None, :]
+    default = default_at(mesh, guided.far, near.doppler)[:, None, None, :]
     log_excess = log_over(near.log_ratio, default, used)
     inside = jnp.where(reported, cover.inside, 0)
     return Excess(mesh, pair, near, used, ping.there, outer - inner, default, log_excess, inside)

@@ -93,7 +93,8 @@ class Guided(eqx.Module):
         within the swath, and what the bin tells when it is quiet.
     quiets : what quiet bins tell at a mesh point, by class of fading; see
         `faintrack.likelihoods.exceedances.quiet_table`.
-    quiet : the same, over all classes.
+    far : ratio far from any return, between the ends of the delays: mean over the places in a bin, by class and place
+        of Doppler.
     cover : of the fixed source and receiver; None where they move.
 
     Raises
@@ -125,7 +126,7 @@ class Guided(eqx.Module):
     swath: tuple[int, int, int] = eqx.field(static=True)
     tables: Float[Array, "fade 4 _ _ _"]
     quiets: Float[Array, "fade _ _ _ _ _"]
-    quiet: Float[Array, "_ _ _ _ _"]
+    far: Float[Array, "_ _"]
     cover: Cover | None
 
     def __init__(
@@ -142,10 +143,11 @@ class Guided(eqx.Module):
         self.swath = swath if sonar.doppler is not None else (*swath[:2], 0)
         self.tables = self._offset_tables()
         self.quiets = quiet_tables(likelihood, self.mesh.finer)
-        self.quiet = self._over_fading(self.quiets)
+        places = self._over_fading(self.quiets)[self.quiets.shape[1] // 2, : self.mesh.finer[0], : self.mesh.finer[1]]
+        self.far = jnp.exp(places).mean(axis=(0, 1))
         self.cover = None
         if sonar.pair is not None:
-            self.cover = eqx.filter_jit(cover_of)(self.mesh, self.quiet, sonar.pair)
+            self.cover = eqx.filter_jit(cover_of)(self.mesh, self.far, sonar.pair)
 
     @eqx.filter_jit
     def log_mean_ratio(self, ping: Ping) -> Float[Array, "..."]:
@@ -278,7 +280,7 @@ class Guided(eqx.Module):
         mesh, pair = self.mesh, self.likelihood.sonar.geometry(ping)
         cover = self.cover
         if ping.pair is not None or cover is None:
-            cover = cover_of(mesh, self.quiet, pair)
+            cover = cover_of(mesh, self.far, pair)
         near = self.near(ping)
         bearing = (near.bearing * mesh.bearing_step)[:, None, :]
         x, y = pair.position(mesh.delay(near.delay[:, :, None]), bearing)
@@ -290,7 +292,7 @@ class Guided(eqx.Module):
         peak = jnp.full(cover.area.size, -jnp.inf).at[cell.ravel()].max(told.max(axis=-1).ravel())
         peak = jnp.where(peak > -jnp.inf, peak, 0)
         relative = jnp.exp(told - peak[cell][..., None])
-        replaced = jnp.where(used, default_at(mesh, self.quiet, near.doppler)[:, None, None, :], 0)
+        replaced = jnp.where(used, default_at(mesh, self.far, near.doppler)[:, None, None, :], 0)
         weighted = jnp.stack([relative, replaced]) * (outer - inner)[..., None]
 
         # What a loop reads is in memory; within it XLA would work the shifts out anew for every edge.
@@ -408,15 +410,13 @@ class Guided(eqx.Module):
         return Near(self._over_fading(jnp.moveaxis(total, 1, 0) + quiet), used, delay, bearing, doppler)
 
 
-def default_at(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], doppler: Int[Array, "..."]) -> Real:
+def default_at(mesh: Mesh, far: Float[Array, "_ _"], doppler: Int[Array, "..."]) -> Real:
     """Mean ratio far from any return at Doppler points; between the ends of the delays."""
-    fine = mesh.finer
-    defaults = jnp.exp(quiet[quiet.shape[0] // 2, : fine[0], : fine[1]]).mean(axis=(0, 1))
-    return defaults[mesh.whole(doppler, 2)]
+    return far[mesh.whole(doppler, 2)]
 
 
 @full_precision
-def cover_of(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], pair: Bistatic) -> Cover:
+def cover_of(mesh: Mesh, far: Float[Array, "_ _"], pair: Bistatic) -> Cover:
     """Areas and default values of all cells."""
     area, heard = mesh.areas(pair)
     share = jnp.where(area > 0, heard / jnp.where(area > 0, area, 1), 0)[..., None]
@@ -427,6 +427,6 @@ def cover_of(mesh: Mesh, quiet: Float[Array, "_ _ _ _ _"], pair: Bistatic) -> Co
     edges = jnp.asarray(low + np.append(starts, count) - 0.5, float)
     middles = mesh.middles()
     shares = mesh.shares(mesh.spread(pair, middles.x[..., 0], middles.y[..., 0]), edges)
-    inside = jnp.einsum("xysv,s->xyv", shares, default_at(mesh, quiet, jnp.asarray(low + starts)) - 1)
+    inside = jnp.einsum("xysv,s->xyv", shares, default_at(mesh, far, jnp.asarray(low + starts)) - 1)
     within = mesh.hears(pair.echo(middles)[0])[..., 0]
     return Cover(area, 1 + share * inside, inside, (area == 0) & within)

@@ -50,7 +50,7 @@ LARGEST_TABLE = 20_000_000
 """Numbers at most in what is held besides: tables of likelihood and motion."""
 
 MOST_SAMPLES = 100_000_000
-"""Of the likelihood around all returns of a ping, at most: each takes some twenty bytes."""
+"""Of the likelihood around all returns of a ping, at most: each takes some ten numbers."""
 
 
 class Spacing(NamedTuple):
