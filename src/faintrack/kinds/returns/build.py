@@ -89,7 +89,8 @@ def ping_spacing(returns: Returns) -> Spacing:
     number = intervals / interval
     even = bool(np.all(np.abs(number - np.round(number)) <= UNEVEN))
     if not even:
-        interval = float(np.median(intervals))
+        # Of two in the middle the shorter, which a gap is not.
+        interval = float(np.sort(intervals)[(len(intervals) - 1) // 2])
     if intervals.max() > (LONGEST_GAP + 0.5) * interval:
         first = int(np.argmax(intervals))
         raise InputError(
