@@ -180,6 +180,7 @@ def test_pings_that_come_early_and_late_have_their_own_intervals(followed: Resul
     np.testing.assert_allclose(track.mean["y"][-10:], even.mean["y"][-10:], atol=700)
 
 
+@pytest.mark.slow
 def test_a_ping_of_thousands_of_returns_is_read() -> None:
     """The whole output of 1486 delays and 72 beams above 5 dB, of noise."""
     rng = np.random.default_rng(0)
@@ -196,6 +197,7 @@ def test_a_ping_of_thousands_of_returns_is_read() -> None:
     assert result.tracks == []
 
 
+@pytest.mark.slow
 def test_doppler_tells_the_velocity() -> None:
     """A tone whose echo from the east comes 16 Hz higher: the target closes at 6 m/s."""
     tone = {"pulse": {"frequency": 2000.0, "duration": 1.0}, "doppler": [-24.0, 24.0], "doppler_step": 2.0}

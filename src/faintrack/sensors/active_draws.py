@@ -20,7 +20,7 @@ from faintrack.sensors.bistatic import Bistatic
 def draw_returns(
     key: PRNGKeyArray,
     sonar: ActiveSonar,
-    snr: Float[Array, "*target"] | float,
+    snr: Float[Array, "..."] | float,
     threshold: float,
     ping: Ping,
     state: Any,
@@ -71,7 +71,7 @@ def draw_returns(
 
 
 def _around(
-    sonar: ActiveSonar, pair: Bistatic, state: Any, present: Bool[Array, "*target"], snr: Float[Array, "*target"]
+    sonar: ActiveSonar, pair: Bistatic, state: Any, present: Bool[Array, "*target"], snr: Float[Array, "..."]
 ) -> tuple[Int[Array, "bin 3"], Float[Array, " bin"]]:
     """Bins around the places of targets, one target after the other, and what all of them add to the mean in each."""
     place = jnp.stack([jnp.ravel(value) for value in jnp.broadcast_arrays(*sonar.place(pair, state))], axis=-1)
