@@ -81,8 +81,8 @@ class SuperposedLikelihood(eqx.Module):
     >>> scan = picture(0.0, network.levels(here)[0])
     >>> float(likelihood.log_ratio(scan, here)[0]) > 100
     True
-    >>> others = jax.tree.map(lambda component: component[None], here)
-    >>> scan = likelihood.beside(scan, others, jnp.zeros((1, 1)), jnp.ones(1))
+    >>> parts = jax.tree.map(lambda part: part[None], likelihood.part(scan, here, jnp.zeros(1)))
+    >>> scan = likelihood.beside(scan, parts, jnp.ones(1))
     >>> float(likelihood.log_ratio(scan, here)[0]) < -100
     True
     """

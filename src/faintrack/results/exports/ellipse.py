@@ -7,6 +7,7 @@ that are small beside the earth; the plane's north is taken for true north (see 
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -19,7 +20,7 @@ SIGMAS = math.sqrt(-2 * math.log(0.05))
 _EQUATOR, _FLATTENING = 6378137.0, 1 / 298.257223563
 
 
-def axes_of(track: Track) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def axes_of(track: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Half axes, the longer one first, in the unit of the place, and the heading of the longer one.
 
     Parameters
