@@ -87,6 +87,7 @@ def beams_of(
 
     Examples
     --------
+    >>> from faintrack.targets.states import BearingState
     >>> import numpy as np
     >>> from faintrack.sensors.array import line_array
     >>> grid = BeamGrid(np.array([500.0]), beams=9, snapshots=4, circular=False, array=line_array(8, 1.5))
