@@ -36,6 +36,8 @@ from tests.cli.calling import call
 
 ROOT = Path(__file__).parents[2]
 COARSE = Cut(2 * CUT.segment, CUT.chain, CUT.burn_in)
+DAY = 86400
+"""Seconds. Three of them from the start of 1970 hold the whole recording, with its midnight."""
 SPOILT = 80.0
 """When the file begins that tests spoil; seconds from the start."""
 
@@ -303,7 +305,7 @@ def test_results_of_files_that_are_gone_stay(north: Path, tmp_path: Path) -> Non
 def test_a_burn_in_is_measured(north: Path) -> None:
     """At seams where both sources have been heard for long, half a minute is enough."""
     pieces, _ = laid(pieces_of(sources_of([north / "north"], PATTERN)[0], {}, {})[0])
-    ((segment,),) = chains_of(pieces, Cut(600, 600, 0), SCENARIO["analysis"]["frame"])
+    ((segment,),) = chains_of(pieces, Cut(3 * DAY, 3 * DAY, 0), SCENARIO["analysis"]["frame"])
     with Samples(segment) as samples:
         recording = dataclasses.replace(samples.recording(), length=round(SECONDS * RATE))
         (found,) = measured(recording, ft.Scenario(**SCENARIO), [30.0], [110.0, 150.0])

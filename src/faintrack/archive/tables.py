@@ -30,7 +30,7 @@ def parquet() -> Any:
         import pyarrow.parquet
     except ImportError as error:
         raise InputError(
-            "an archive's tables are Parquet, which needs pyarrow: pip install 'faintrack[archive]'."
+            "an archive's tables are Parquet, which needs pyarrow: pip install 'faintrack[parquet]'."
         ) from error
     return pyarrow.parquet
 

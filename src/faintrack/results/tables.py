@@ -135,7 +135,7 @@ def to_stonesoup(tracks: Sequence[Track]) -> list[Any]:
         from stonesoup.types.track import Track as StoneSoupTrack
     except ImportError as error:
         raise InputError(
-            "tracks of Stone Soup need stonesoup, which is not installed: pip install stonesoup."
+            'tracks of Stone Soup need stonesoup, which is not installed: pip install "faintrack[stonesoup]".'
         ) from error
     made = []
     for track in tracks:

@@ -6,13 +6,15 @@
 - `bearings_of` turns detections of Stone Soup's simulators, sensors and readers into bearings that faintrack tracks.
 
 Tracks of a result that is there already: `faintrack.results.tables.to_stonesoup`. Stone Soup is not a part of
-faintrack's installation (`pip install stonesoup`); nothing else in the package imports this folder.
+faintrack's installation (`pip install "faintrack[stonesoup]"`); nothing else in the package imports this folder.
 """
 
 try:
     import stonesoup  # noqa: F401
 except ImportError as error:
-    raise ImportError("faintrack.stonesoup needs Stone Soup, which is not installed: pip install stonesoup.") from error
+    raise ImportError(
+        'faintrack.stonesoup needs Stone Soup, which is not installed: pip install "faintrack[stonesoup]".'
+    ) from error
 
 from faintrack.stonesoup.detections import bearings_of
 from faintrack.stonesoup.readers import BearingsReader, ReturnsReader

@@ -43,5 +43,5 @@ def test_without_stonesoup_one_sentence_says_so() -> None:
     program = "import sys; sys.modules['stonesoup'] = None; import faintrack.stonesoup"
     done = python(program)
     assert done.stderr.splitlines()[-1] == (
-        "ImportError: faintrack.stonesoup needs Stone Soup, which is not installed: pip install stonesoup."
+        'ImportError: faintrack.stonesoup needs Stone Soup, which is not installed: pip install "faintrack[stonesoup]".'
     )
