@@ -19,8 +19,9 @@ from scipy.optimize import linear_sum_assignment
 
 from faintrack.archive.cut import stamped
 from faintrack.archive.pieces import SECOND
-from faintrack.archive.store import Store, replaced
+from faintrack.archive.store import Store
 from faintrack.archive.tables import read_table, write_table
+from faintrack.results.folder import replaced
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -19,9 +19,10 @@ from jaxtyping import Float
 from faintrack.archive.cut import stamped
 from faintrack.archive.pieces import SECOND
 from faintrack.archive.status import Status, status
-from faintrack.archive.store import Store, opened, replaced
+from faintrack.archive.store import Store, opened
 from faintrack.archive.tables import read_table
 from faintrack.errors import InputError
+from faintrack.results.folder import replaced
 from faintrack.results.report import STYLE, table
 from faintrack.results.schema import NORTH
 

@@ -16,10 +16,9 @@ One run at a time writes; the system drops its lock with the process. What is re
 """
 
 import json
-import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -32,7 +31,7 @@ from faintrack.archive.tables import read_files, write_files
 from faintrack.errors import InputError
 from faintrack.io.locks import Held, locked
 from faintrack.kinds.scenario import Scenario
-from faintrack.results.folder import PARTIAL, flush_files
+from faintrack.results.folder import PARTIAL, flush_files, replaced
 
 FORMAT = 1
 """Of the store; another is not read."""
@@ -203,23 +202,6 @@ def whole_folder(path: Path) -> Iterator[Path]:
         partial.replace(path)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-
-
-def replaced(path: Path, write: Callable[[Path], Any]) -> None:
-    """Write a file beside its place and rename it when it is on the disk.
-
-    Raises
-    ------
-    InputError : it cannot be written.
-    """
-    beside = path.with_name(f".{path.name}{PARTIAL}")
-    try:
-        write(beside)
-        with beside.open("rb+") as file:
-            os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written ({error.strerror or error}).") from error
 
 
 def _read_json(path: Path, otherwise: Any) -> Any:

@@ -213,7 +213,12 @@ def _fallen(offsets: np.ndarray, middle: Tabled, width: Tabled) -> Any:
     """Share of a cell's targets in every displaced cell, the displacement being normal."""
     ramp = functools.partial(_ramp, width=width)
     falls = ramp(offsets + 1 - middle) - 2 * ramp(offsets - middle) + ramp(offsets - 1 - middle)
-    return (jnp if isinstance(falls, jax.Array) else np).maximum(falls, 0)
+    return _library(falls).maximum(falls, 0)
+
+
+def _library(values: Any) -> Any:
+    """Functions for these values: those of JAX where a step is traced, of NumPy where a table is made, in double."""
+    return jnp if isinstance(values, jax.Array) else np
 
 
 def _displaced(place: Axis, rate: Axis, step: Step) -> tuple[Any, Any, Any]:
@@ -221,7 +226,7 @@ def _displaced(place: Axis, rate: Axis, step: Step) -> tuple[Any, Any, Any]:
 
     Shapes (rate, point, new rate); of a step of arrays, arrays.
     """
-    numbers: Any = jnp if isinstance(step.c, jax.Array) else np
+    numbers = _library(step.c)
     within = (np.arange(POINTS) + 0.5) / POINTS - 0.5
     velocity: Any = rate.values[:, None] + rate.step * within
     edges: Any = rate.edges.copy()
@@ -242,7 +247,7 @@ def _displaced(place: Axis, rate: Axis, step: Step) -> tuple[Any, Any, Any]:
 
 def _truncated_moments(low: Any, high: Any, chance: Any) -> tuple[Any, Any]:
     """Mean and variance of a unit normal number between two bounds."""
-    numbers: Any = jnp if isinstance(chance, jax.Array) else np
+    numbers = _library(chance)
 
     def density(x: Any) -> Any:
         return numbers.exp(-0.5 * x * x) / math.sqrt(2 * math.pi)
@@ -257,7 +262,7 @@ def _truncated_moments(low: Any, high: Any, chance: Any) -> tuple[Any, Any]:
 
 def _ramp(x: Any, width: Any) -> Any:
     """Integral of the normal distribution function of this width; max(x, 0) where it has none."""
-    numbers: Any = jnp if isinstance(width, jax.Array) else np
+    numbers = _library(width)
     scaled = x / numbers.maximum(width, 1e-12)
     bell = numbers.exp(-0.5 * numbers.minimum(scaled**2, 1400)) / math.sqrt(2 * math.pi)
     cumulative = jax.scipy.special.ndtr if numbers is jnp else ndtr
@@ -269,5 +274,4 @@ def _leaving(kernel: Any, count: int) -> Any:
     reach = kernel.shape[1] // 2
     displaced = np.arange(count)[:, None] + np.arange(-reach, reach + 1)
     off = (displaced < 0) | (displaced >= count)
-    numbers: Any = jnp if isinstance(kernel, jax.Array) else np
-    return numbers.einsum("dj,id->ji", kernel.sum(axis=0), off.astype(float))
+    return _library(kernel).einsum("dj,id->ji", kernel.sum(axis=0), off.astype(float))

@@ -12,7 +12,6 @@ beside the older one and takes its place at once: a process that is killed at an
 """
 
 import json
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -39,6 +38,7 @@ from faintrack.results.folder import (
     PARTIAL,
     make_folder,
     open_blocks,
+    replaced,
     result_folder,
     write_blocks,
     write_rest,
@@ -153,8 +153,8 @@ class Keeping:
 
     def save_beginning(self, opening: Float[np.ndarray, "sample channel"], plan: Plan) -> None:
         """Keep the samples that the plan was made from, and its scenario."""
-        _replace(self.folder / _STATE / _SCENARIO, plan.scenario.save)
-        _replace(self.folder / _STATE / _OPENING, lambda path: _save_array(path, opening))
+        replaced(self.folder / _STATE / _SCENARIO, plan.scenario.save)
+        replaced(self.folder / _STATE / _OPENING, lambda path: _save_array(path, opening))
 
     def save(self, checkpoint: Checkpoint, start_time: np.datetime64 | None, more: Mapping[str, Any]) -> None:
         """Write where the run stands.
@@ -167,14 +167,14 @@ class Keeping:
         """
         state = self.folder / _STATE
         name = f"{checkpoint.scans}.state"
-        _replace(state / name, lambda path: save_checkpoint(path, checkpoint))
+        replaced(state / name, lambda path: save_checkpoint(path, checkpoint))
         facts = {
             "scans": checkpoint.scans,
             "start_time": None if start_time is None else str(start_time),
             "checkpoint": name,
             "more": more,
         }
-        _replace(state / _FACTS, lambda path: path.write_text(json.dumps(facts), encoding="utf-8"))
+        replaced(state / _FACTS, lambda path: path.write_text(json.dumps(facts), encoding="utf-8"))
         for older in state.glob("*.state"):
             if older.name != name:
                 older.unlink(missing_ok=True)
@@ -269,20 +269,3 @@ class Keeping:
 def _save_array(path: Path, values: np.ndarray) -> None:
     with path.open("wb") as file:
         np.save(file, values)
-
-
-def _replace(path: Path, write: Callable[[Path], Any]) -> None:
-    """Write a file beside its place and rename it when it is on the disk.
-
-    Raises
-    ------
-    InputError : it cannot be written.
-    """
-    beside = path.with_name(f".{path.name}.new")
-    try:
-        write(beside)
-        with beside.open("rb+") as file:
-            os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written ({error.strerror or error}).") from error

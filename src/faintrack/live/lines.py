@@ -19,8 +19,10 @@ def event_of(moment: Moment) -> dict[str, Any]:
     ----------
     moment : of one scan.
 
-    Returns ------- Plain values. Names carry units, as in the tables of a result: `bearing_deg`, `bearing_deg_std`.
-    What is not known is None.
+    Returns
+    -------
+    Plain values. Names carry units, as in the tables of a result: `bearing_deg`, `bearing_deg_std`. What is not known
+    is None.
     """
     event: dict[str, Any] = {"event": "scan", "scan": moment.checkpoint.scans - 1, "time": moment.time}
     tracks = moment.tracks

@@ -20,7 +20,7 @@ import os
 import platform
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -111,6 +111,30 @@ def _remove_abandoned(path: Path) -> None:
     for abandoned in path.parent.glob(f".{glob.escape(path.name)}.*{PARTIAL}"):
         if (abandoned / MARK).is_file() and not abandoned.is_symlink():
             shutil.rmtree(abandoned, ignore_errors=True)
+
+
+def replaced(path: Path, write: Callable[[Path], Any]) -> None:
+    """Write a file beside its place and rename it when it is on the disk.
+
+    Parameters
+    ----------
+    path : of the file.
+    write : function of the path beside it, that writes it.
+
+    Raises
+    ------
+    InputError : it cannot be written.
+    """
+    beside = path.with_name(f".{path.name}{PARTIAL}")
+    try:
+        write(beside)
+        with beside.open("rb+") as file:
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror or error}).") from error
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def flush_files(folder: Path) -> None:

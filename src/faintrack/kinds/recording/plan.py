@@ -85,7 +85,7 @@ class RecordingStep(eqx.Module):
 
         Of several rings of beams a row has the loudest at every bearing.
         """
-        scans, grid = self.beamformer.scan(*block[:3]), self.beamformer.grid
+        scans, grid = self.beamformer.scan(block.time, block.samples, block.usable), self.beamformer.grid
         turns = None if block.turn is None else (block.turn, block.unsure, block.since)
         record = energies(scans)
         if grid.elevations:
@@ -180,21 +180,23 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         return Samples(block.time, block.samples, block.usable, *turns)
 
     def rows(start: int, block: Samples, outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
-        usable = block[2]
+        usable = block.usable
         heard[:] &= start > 0
         np.logical_or(heard, usable.any(axis=0), out=heard)
         if start + len(usable) == count:
             _require_heard(recording, array, heard)
         estimates = outputs[0]
-        loud.take(start, block[1], np.asarray(estimates.existence).reshape(len(usable), -1), np.asarray(outputs[1]))
+        loud.take(
+            start, block.samples, np.asarray(estimates.existence).reshape(len(usable), -1), np.asarray(outputs[1])
+        )
         ends.update(np.unique(estimates.label[np.asarray(estimates.mean.snr_db) > loudest_db - AT_END_DB]).tolist())
         heading = None if course is None else course.at(np.arange(start, start + len(usable)))
-        return _dataset(block[0], usable, *outputs, array, recording, scenario.analysis.frame, heading)
+        return _dataset(block.time, usable, *outputs, array, recording, scenario.analysis.frame, heading)
 
     def check() -> tuple[str, ...]:
         spread = LoudFrames(beamformer)
         for number in np.unique(np.linspace(0, count - 1, FRAMES).round().astype(int)).tolist():
-            spread.take(number, read(number, number + 1)[1], np.zeros((1, 1)))
+            spread.take(number, read(number, number + 1).samples, np.zeros((1, 1)))
         return spread.checked(recording.channel_names)
 
     def remarks() -> tuple[str, ...]:

@@ -90,9 +90,10 @@ def guard_of(address: str, token_file: Path | None = None) -> Guard:
     address : that the server listens at.
     token_file : file that holds the token.
 
-    Raises ------ InputError : it is no address, the file cannot be read or holds no token, or there is none and the
-    address is not the
-        loopback's.
+    Raises
+    ------
+    InputError : it is no address, the file cannot be read or holds no token, or there is none and the address is not
+    the loopback's.
     """
     token = None if token_file is None else _token(token_file)
     try:
