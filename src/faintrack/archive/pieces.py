@@ -163,8 +163,19 @@ def _opened(source: Source, left_out: Mapping[str, LeftOut], known: Mapping[tupl
             with on_disk(source.paths) as paths:
                 piece = _described(source, stamps, read(*paths))
         except (InputError, OSError) as error:
-            return source.paths[0], " ".join(stamps), str(error)
+            return source.paths[0], " ".join(stamps), reason_of(error, source.paths[0])
     return piece
+
+
+def reason_of(error: Exception, path: str) -> str:
+    """Why a file is left out, to stand behind its path.
+
+    Examples
+    --------
+    >>> reason_of(InputError("night/a.wav cannot be read (no samples)."), "night/a.wav")
+    'cannot be read (no samples)'
+    """
+    return str(error).removeprefix(path).lstrip(": ").removesuffix(".")
 
 
 def _described(source: Source, stamps: tuple[str, ...], recording: Recording) -> Piece:

@@ -121,6 +121,9 @@ def planned(
     left_out += [one for path, one in before.items() if path not in listed]
     refused = {path for path, _, _ in left_out}
     everything = {paths: piece for paths, piece in (known | read).items() if paths[0] not in refused}
+    if not everything:
+        path, _, why = left_out[0]
+        raise InputError(f"{path}: {why}; of {len(left_out)} files none can be read.")
     cut = (Cut() if cut is None else cut) if store is None else store.cut
     return arranged(list(everything.values()), left_out, scenario, cut)
 

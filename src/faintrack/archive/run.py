@@ -219,7 +219,7 @@ def _keep_left_out(store: Store, plan: ArchivePlan, tell: Tell) -> None:
     store.keep_left_out(plan.left_out)
     for one in plan.left_out:
         if before.get(one[0]) != one:
-            tell(f"{one[0]} is left out: {one[2].rstrip('.')}.")
+            tell(f"{one[0]} is left out: {one[2]}.")
 
 
 def _remove_stale(store: Store, plan: ArchivePlan) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from faintrack.archive.cut import Segment
-from faintrack.archive.pieces import SECOND, Piece
+from faintrack.archive.pieces import SECOND, Piece, reason_of
 from faintrack.archive.remote import on_disk, stamp
 from faintrack.data.recording import Recording
 from faintrack.errors import InputError
@@ -93,7 +93,7 @@ class Samples:
         try:
             return recording.read(piece.skip + start, piece.skip + stop)
         except (InputError, OSError) as error:
-            raise Unreadable(piece, str(error)) from error
+            raise Unreadable(piece, reason_of(error, piece.paths[0])) from error
 
     def _recording(self, piece: Piece) -> Recording:
         if piece not in self._opened:
@@ -105,7 +105,7 @@ class Samples:
                 recording = read(*held.enter_context(on_disk(piece.paths)))
             except (InputError, OSError) as error:
                 held.close()
-                raise Unreadable(piece, str(error)) from error
+                raise Unreadable(piece, reason_of(error, piece.paths[0])) from error
             if (recording.sample_rate, recording.channel_names) != piece.layout:
                 raise Unreadable(piece, "it is not what its header was")
             self._opened[piece] = recording, held

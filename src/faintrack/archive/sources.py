@@ -85,6 +85,8 @@ def expression_of(pattern: str) -> str:
     before, mark, after = pattern.partition(STATION)
     if STATION in after:
         raise InputError(f"the pattern {pattern!r} has two stations; expected one {STATION}.")
+    if not mark and "%" not in pattern:
+        raise InputError(f"the pattern {pattern!r} tells neither station nor start; expected {STATION}/%Y%m%d_%H%M%S.")
     first = "" if mark and not before else "(?<![0-9])"
     return first + expression(before) + ("(?P<station>[^/]+)" if mark else "") + expression(after)
 

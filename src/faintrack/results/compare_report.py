@@ -91,9 +91,10 @@ def _picture(first: Result, second: Result) -> str:
     names = places(first.data)
     figure = Figure(figsize=(11, 1.5 + 2.5 * len(names)), layout="constrained")
     for axes, name in zip(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0], names, strict=True):
-        for result, colour, said in ((first, LINE, "first"), (second, TRACK, "second")):
-            draw_paths(axes, result.data, "time", name, colour=colour)
-            axes.plot([], [], color=colour, label=said)
+        # Where both are the same, one shows between the dashes of the other.
+        for result, colour, style, said in ((first, LINE, "-", "first"), (second, TRACK, "--", "second")):
+            draw_paths(axes, result.data, "time", name, colour=colour, style=style)
+            axes.plot([], [], color=colour, linestyle=style, label=said)
         axes.set_ylabel(f"{name} ({units(first.data)[name]})")
         axes.grid(alpha=0.3)
     axes.set_xlabel("time (s)")

@@ -53,7 +53,13 @@ def jumps(track: Track, *names: str) -> Int[np.ndarray, " jump"]:
 
 
 def draw_paths(
-    axes: Axes, data: xr.Dataset, across: str, up: str, deviations: bool = False, colour: str = TRACK
+    axes: Axes,
+    data: xr.Dataset,
+    across: str,
+    up: str,
+    deviations: bool = False,
+    colour: str = TRACK,
+    style: str = "-",
 ) -> None:
     """Each track as a line with its label at its start.
 
@@ -63,6 +69,7 @@ def draw_paths(
     data : of a result.
     across, up : component on each axis, or `time`.
     deviations : whether thin lines tell where `up` is two standard deviations away.
+    colour, style : of the lines.
     """
     for track in tracks_of(data):
         x, y = (np.asarray(track.time if name == "time" else track.mean[name], float) for name in (across, up))
@@ -70,7 +77,7 @@ def draw_paths(
         offsets = ((0, 1.6), (-2, 0.7), (2, 0.7)) if deviations else ((0, 1.0),)
         for offset, width in offsets:
             line = np.insert(y + offset * track.std[up] if offset else y, breaks, np.nan)
-            axes.plot(np.insert(x, breaks, np.nan), line, color=colour, linewidth=width)
+            axes.plot(np.insert(x, breaks, np.nan), line, color=colour, linewidth=width, linestyle=style)
         mark_label(axes, track.label, (x[0], y[0]), None if deviations else 8, colour)
 
 

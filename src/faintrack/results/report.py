@@ -22,10 +22,10 @@ STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a;
 background: #fff; } h1 { font-size: 1.5rem; margin-bottom: 0.25rem; } h2 { font-size: 1.1rem; margin-top: 2rem; }
 img { width: 100%; height: auto; }
-table { border-collapse: collapse; } th, td { padding: 0.25rem 0.9rem; border-bottom: 1px solid #ddd; text-align:
-right; }
-th { text-align: right; font-weight: 600; } pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size:
-13px; }
+table { border-collapse: collapse; display: block; overflow-x: auto; }
+th, td { padding: 0.25rem 0.9rem; border-bottom: 1px solid #ddd; text-align: right; }
+th { font-weight: 600; } .words { text-align: left; overflow-wrap: anywhere; }
+pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 13px; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 0.1rem 1.2rem; } dt { color: #555; } dd { margin: 0; }
 """
 
@@ -80,9 +80,21 @@ def track_table(result: Result) -> str:
 
 def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table of HTML; texts are escaped."""
-    head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(text)}</td>" for text in row) + "</tr>" for row in rows)
+    # Words stand on the left, numbers on the right.
+    side = ["" if _are_numbers(texts) else ' class="words"' for texts in zip(*rows, strict=True)] or [""] * len(
+        headings
+    )
+    head = "".join(f"<th{at}>{html.escape(heading)}</th>" for heading, at in zip(headings, side, strict=True))
+    body = "".join(
+        "<tr>" + "".join(f"<td{at}>{html.escape(text)}</td>" for text, at in zip(row, side, strict=True)) + "</tr>"
+        for row in rows
+    )
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _are_numbers(texts: Sequence[str]) -> bool:
+    """Whether most texts of a column are numbers, or stand for one."""
+    return 2 * sum((not text[:1].isalpha() and "/" not in text) or text == UNSURE for text in texts) >= len(texts)
 
 
 def write_report(path: str | Path, result: Result) -> Path:
