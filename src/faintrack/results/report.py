@@ -24,7 +24,7 @@ background: #fff; } h1 { font-size: 1.5rem; margin-bottom: 0.25rem; } h2 { font-
 img { width: 100%; height: auto; }
 table { border-collapse: collapse; display: block; overflow-x: auto; }
 th, td { padding: 0.25rem 0.9rem; border-bottom: 1px solid #ddd; text-align: right; }
-th { font-weight: 600; } .words { text-align: left; overflow-wrap: anywhere; }
+th { font-weight: 600; } .words { text-align: left; min-width: 8rem; overflow-wrap: anywhere; }
 pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 13px; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 0.1rem 1.2rem; } dt { color: #555; } dd { margin: 0; }
 """
