@@ -23,7 +23,7 @@ import tempfile
 import time
 import types
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -128,17 +128,6 @@ def fingerprint(function: Callable[..., Any], arguments: Any) -> str:
 
 def _tell(value: Any, tell: Callable[[bytes], None], constant: bool) -> None:
     """Tell what is part of a program; of arrays, unless they are constants of it, shape and type alone."""
-
-    def name(of: Any) -> bytes:
-        module, full = getattr(of, "__module__", None), getattr(of, "__qualname__", None)
-        if module is None or full is None or module.partition(".")[0] not in ROOTS:
-            raise Unknown(repr(of)[:100])
-        return f"{module}:{full}".encode()
-
-    def tell_parts(parts: Any, constant: bool) -> None:
-        for part in parts:
-            _tell(part, tell, constant)
-
     tell(f"<{type(value).__name__}>".encode())
     if isinstance(value, jax.Array | np.ndarray | np.generic):
         if isinstance(value, jax.Array) and jax.dtypes.issubdtype(value.dtype, jax.dtypes.prng_key):
@@ -150,21 +139,21 @@ def _tell(value: Any, tell: Callable[[bytes], None], constant: bool) -> None:
     elif value is None or isinstance(value, bool | int | float | complex | str | bytes | np.dtype):
         tell(repr(value).encode())
     elif isinstance(value, enum.Enum):
-        tell(name(type(value)) + value.name.encode())
+        tell(_name(type(value)) + value.name.encode())
     elif isinstance(value, type):
-        tell(name(value))
+        tell(_name(value))
     elif isinstance(value, tuple | list):
-        tell(name(type(value)) + str(len(value)).encode())
-        tell_parts(value, constant)
+        tell(_name(type(value)) + str(len(value)).encode())
+        _tell_all(value, tell, constant)
     elif isinstance(value, dict):
-        tell_parts(sorted(value), True)
-        tell_parts((value[key] for key in sorted(value)), constant)
+        _tell_all(sorted(value), tell, True)
+        _tell_all((value[key] for key in sorted(value)), tell, constant)
     elif isinstance(value, functools.partial):
-        tell_parts((value.func, value.args, value.keywords), constant)
+        _tell_all((value.func, value.args, value.keywords), tell, constant)
     elif isinstance(value, types.MethodType):
-        tell_parts((value.__self__, value.__func__), constant)
+        _tell_all((value.__self__, value.__func__), tell, constant)
     elif dataclasses.is_dataclass(value):
-        tell(name(type(value)))
+        tell(_name(type(value)))
         for field in dataclasses.fields(value):
             tell(field.name.encode())
             held = getattr(value, field.name, None)
@@ -172,9 +161,9 @@ def _tell(value: Any, tell: Callable[[bytes], None], constant: bool) -> None:
     elif isinstance(value, types.FunctionType):
         # A decorator is part of the source.
         value = inspect.unwrap(value)
-        tell(name(value))
-        tell_parts((value.__defaults__, value.__kwdefaults__), True)
-        tell_parts((cell.cell_contents for cell in value.__closure__ or ()), True)
+        tell(_name(value))
+        _tell_all((value.__defaults__, value.__kwdefaults__), tell, True)
+        _tell_all((cell.cell_contents for cell in value.__closure__ or ()), tell, True)
     elif isinstance(value, types.BuiltinFunctionType | np.ufunc):
         tell(getattr(value, "__name__").encode())  # noqa: B009
     elif callable(value) and hasattr(value, "__wrapped__"):
@@ -182,6 +171,19 @@ def _tell(value: Any, tell: Callable[[bytes], None], constant: bool) -> None:
         _tell(value.__wrapped__, tell, True)
     else:
         raise Unknown(repr(value)[:100])
+
+
+def _tell_all(values: Iterable[Any], tell: Callable[[bytes], None], constant: bool) -> None:
+    for value in values:
+        _tell(value, tell, constant)
+
+
+def _name(of: Any) -> bytes:
+    """Of a function or class of a package that is known by its version."""
+    module, full = getattr(of, "__module__", None), getattr(of, "__qualname__", None)
+    if module is None or full is None or module.partition(".")[0] not in ROOTS:
+        raise Unknown(repr(of)[:100])
+    return f"{module}:{full}".encode()
 
 
 @functools.cache
