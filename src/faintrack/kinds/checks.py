@@ -185,12 +185,15 @@ def _grating_lobe(array: SensorArray, frequency: np.ndarray) -> tuple[float, flo
         steering = np.exp(-2j * np.pi * one * delays)
         power += np.abs(steering[rows].conj() @ steering.T / steering.shape[1]) ** 2
     power /= power.max()
-    for number, row in enumerate(rows):
-        for other in np.flatnonzero(power[number] > GRATING):
-            low, high = sorted((int(row), int(other)))
-            # Beyond the main lobe, either way round: where the response has fallen below a half in between.
-            between = power[number, low : high + 1].min()
-            around = np.concatenate([power[number, :low], power[number, high:]]).min()
-            if between < 0.5 and (not array.circular or around < 0.5):
-                return float(np.degrees(bearing[other])), float(np.degrees(bearing[row]))
+    for row, response in zip(rows, power, strict=True):
+        # Beyond the main lobe, either way round: where the response has fallen below a half in between.
+        lowest = np.minimum.accumulate
+        between = np.concatenate([lowest(response[row::-1])[::-1], lowest(response[row:])[1:]])
+        beyond = (response > GRATING) & (between < 0.5)
+        if array.circular:
+            from_start, to_end = lowest(response), lowest(response[::-1])[::-1]
+            place = np.arange(len(bearing))
+            beyond &= np.minimum(from_start[np.minimum(place, row)], to_end[np.maximum(place, row)]) < 0.5
+        if beyond.any():
+            return float(np.degrees(bearing[np.argmax(beyond)])), float(np.degrees(bearing[row]))
     return None

@@ -1,5 +1,6 @@
 """A scenario with every field, its default and what it means, for a person to begin with."""
 
+import functools
 import inspect
 import re
 import textwrap
@@ -96,6 +97,7 @@ def _plain(value: Any) -> Any:
     return [_plain(part) for part in value] if isinstance(value, tuple | list) else value
 
 
+@functools.cache
 def texts_of(model: type[BaseModel]) -> dict[str, str]:
     """What the docstring of a section says of each field; where it is silent or points to another, what that says."""
     known = {f"{base.__module__}.{base.__name__}": base for base in model.__mro__[1:] if issubclass(base, BaseModel)}

@@ -265,8 +265,6 @@ def _made(path: Path, function: Callable[..., Any], arguments: Any) -> Program:
     (shape,) = shapes
     try:
         payload, taken, given = serialize_executable.serialize(executable)
-        again = serialize_executable.deserialize_and_load(payload, taken, given)
-        jax.block_until_ready(again(*leaves))
         content = pickle.dumps((payload, taken, given, shape))
         _write(path, hashlib.sha256(content).digest() + content)
     # A program that cannot be kept is still a program.
