@@ -120,7 +120,7 @@ def test_tracks_are_those_of_the_sources(whole: Path) -> None:
         assert mine["end"].min() < pd.Timestamp(BEGIN, tz="UTC") + pd.Timedelta(seconds=170 + 15)
 
 
-@pytest.mark.parametrize("segment", [10, 24, 120, *(pytest.param(one, marks=pytest.mark.slow) for one in (15, 40, 60))])
+@pytest.mark.parametrize("segment", [10, *(pytest.param(one, marks=pytest.mark.slow) for one in (15, 24, 40, 60, 120))])
 def test_segments_of_any_length_give_the_same_bits(north: Path, whole: Path, tmp_path: Path, segment: float) -> None:
     store = tmp_path / "store"
     track(north, store, Cut(segment, CUT.chain, CUT.burn_in))
@@ -128,12 +128,12 @@ def test_segments_of_any_length_give_the_same_bits(north: Path, whole: Path, tmp
     pd.testing.assert_frame_equal(states(store, "north"), expected, check_exact=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("segment", "chain", "burn_in"),
     [
         (60, 60, 30),
-        (80, 240, 30),
-        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((30, 60, 45), (60, 480, 30))),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((30, 60, 45), (80, 240, 30), (60, 480, 30))),
     ],
 )
 def test_chains_of_any_length_give_the_same_tracks(
@@ -231,8 +231,8 @@ def touch(file: Path) -> None:
     ("spoil", "planned_before", "why"),
     [
         (truncate, False, "promises"),
-        (Path.unlink, True, "vanished"),
-        (touch, True, "changed"),
+        pytest.param(Path.unlink, True, "vanished", marks=pytest.mark.slow),
+        pytest.param(touch, True, "changed", marks=pytest.mark.slow),
     ],
 )
 def test_a_file_that_goes_bad_is_told_and_left_out(
@@ -267,6 +267,7 @@ def test_a_file_that_goes_bad_is_told_and_left_out(
     assert bits(store) == lacking
 
 
+@pytest.mark.slow
 def test_a_file_is_looked_at_again_where_that_is_asked_for(
     recordings: Path, north: Path, whole: Path, tmp_path: Path
 ) -> None:

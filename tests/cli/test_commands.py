@@ -86,6 +86,7 @@ def test_json_has_the_promised_fields(tracked: Path) -> None:
     assert list(track) == RECORDING_COLUMNS.split(",")
 
 
+@pytest.mark.slow
 def test_band_and_frame_of_the_command_line_count(tracked: Path) -> None:
     out = tracked / "narrow"
     done = call(

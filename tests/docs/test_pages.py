@@ -32,6 +32,9 @@ LONG = {
     "track_radar",
     "scenario_file",
     "active_sonar",
+    "calibrate",
+    "tracks",
+    "channels",
 }
 """Pages whose commands the tests of the command line and of sessions give as well, on smaller files."""
 MODULE = re.compile(r"# (\w+\.py)\n")

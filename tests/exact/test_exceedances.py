@@ -220,7 +220,9 @@ def draw_every_bin(sonar: ActiveSonar, threshold: float, mean: np.ndarray) -> Pi
     )
 
 
-@kinds
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind == "tone" else ()) for kind in SONARS]
+)
 @pytest.mark.parametrize("present", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["target", "noise"])
 def test_mean_ratio_is_1(kind: str, present: bool) -> None:
     """4,000 pings with every bin drawn, 5 standard errors, each below 0.02: of the ratio under noise, and of its

@@ -165,6 +165,7 @@ def test_estimates_reach_the_cramer_rao_bound(fits: tuple[np.ndarray, ...]) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_a_target_is_told_from_none(fits: tuple[np.ndarray, ...]) -> None:
     """The highest ratio of false bearings alone lies below the lowest with a target, here by far."""
     _, _, with_target, without = fits

@@ -36,7 +36,7 @@ def wave(times):
     )
 
 
-@pytest.mark.parametrize("ppm", [-40, 10, 100])
+@pytest.mark.parametrize("ppm", [100, *(pytest.param(ppm, marks=pytest.mark.slow) for ppm in (-40, 10))])
 def test_a_clock_that_drifts_is_followed(tmp_path, ppm):
     """Half an hour: up to 18 samples of drift. The first channel is true, the second is stamped rightly."""
     length, block = 180_000, 900  # each in a record of its own

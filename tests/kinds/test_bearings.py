@@ -70,6 +70,7 @@ def test_what_is_kept_agrees_with_itself(followed: Result) -> None:
     assert np.all(data.association.sum(("observer", "entry")) <= data.existence.sum("slot") + 1e-3)
 
 
+@pytest.mark.slow
 def test_blocks_of_any_size_give_the_same(followed: Result) -> None:
     pieces = joined(list(datasets(replace(plan(drawn(), scenario()), size=23))))
     xr.testing.assert_allclose(followed.data, pieces, rtol=1e-3, atol=1e-2)

@@ -32,7 +32,8 @@ def tracked(what: Any) -> ft.Result:
     return ft.track(ft.simulate(what), what)
 
 
-@pytest.mark.parametrize("elevation", [60.0, pytest.param(10.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("elevation", [60.0, 10.0])
 def test_a_wave_from_above_is_at_its_bearing(elevation: float) -> None:
     """Frames of five runs within 3 deviations, but for one in fifty: those of a track are not independent."""
     inside: list[np.ndarray] = []

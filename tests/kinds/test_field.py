@@ -59,7 +59,8 @@ class TestArrays:
         assert not any("two sides" in check for check in planned(positions=bent).checks)
 
     @pytest.mark.parametrize(
-        ("unit", "said"), [(1e-5, "hardly tells a bearing"), (1e-3, "hardly tells a bearing"), (1e4, "hardly any beam")]
+        ("unit", "said"),
+        [(1e-5, "hardly tells a bearing"), pytest.param(1e4, "hardly any beam", marks=pytest.mark.slow)],
     )
     def test_positions_in_another_unit(self, unit: float, said: str) -> None:
         ring = 3 * np.stack([np.sin(np.arange(8.0)), np.cos(np.arange(8.0))], axis=1)
@@ -158,6 +159,7 @@ class TestFrames:
         read = ft.read(tmp_path / "a.tif", frames={"select": {"channel": 1}})
         np.testing.assert_array_equal(read.read(0, 5), frames[:, 1])
 
+    @pytest.mark.slow
     def test_numbers_stay_times_where_the_interval_is_told(self, tmp_path: Path) -> None:
         for number in (0, 1, 2, 4, 7):
             Image.fromarray(np.full((8, 9), number, np.uint8)).save(tmp_path / f"frame_{number:03}.png")

@@ -45,6 +45,7 @@ def off(bearings: Any, true: float) -> np.ndarray:
     return np.abs((np.asarray(bearings) - true + 180) % 360 - 180)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_turn_tells_the_side_of_a_line(heading: Path, side: int) -> None:
     true = 5.0 + side * 80.0

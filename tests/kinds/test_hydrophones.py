@@ -122,6 +122,7 @@ def test_from_samples_to_a_track_by_one_command(tmp_path: Path) -> None:
     assert result.scenario.background.shape == pytest.approx(1 / 32)
 
 
+@pytest.mark.slow
 def test_an_echo_in_overlapping_beams_that_fades_keeps_its_label() -> None:
     """Twenty-four beams, each echo in a dozen bins that fade together: ten pings in which it is weak or missing."""
     loud = scenario(sonar={**SECTIONS["sonar"], "beams": 24, "snr_db": 18.0})

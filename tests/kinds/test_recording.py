@@ -19,6 +19,7 @@ def recording(*sources: Source, duration: float = 20.0) -> Recording:
     return from_samples(np.concatenate(list(draw_samples(ARRAY, sources, duration, RATE))), RATE)
 
 
+@pytest.mark.slow
 def test_following_equals_tracking() -> None:
     heard = recording(Source(-5.0, 1.0, start=5.0))
     moments, result = list(ft.follow(heard, array=ARRAY)), ft.track(heard, array=ARRAY)

@@ -108,6 +108,7 @@ def test_a_background_that_is_not_learnt_is_told_where_it_does_not_fit() -> None
     assert "tail_shape" not in result.data
 
 
+@pytest.mark.slow
 def test_what_is_chosen_of_the_bins_is_saved(followed: Result) -> None:
     assert followed.scenario.background.every == (1, 1, 1)
     assert followed.remarks == followed.misfits == ()
@@ -136,6 +137,7 @@ def test_what_is_kept_agrees_with_itself() -> None:
     assert float(data.receiver_y[3]) == 1000.0
 
 
+@pytest.mark.slow
 def test_blocks_of_any_size_give_the_same(followed: Result) -> None:
     pieces = joined(list(datasets(replace(plan(drawn(), scenario()), size=7))))
     # The covariance of a belief that is cells wide is a difference of large sums.

@@ -133,6 +133,7 @@ def test_a_track_outlives_the_watch() -> None:
     assert np.hypot(*off) < 120
 
 
+@pytest.mark.slow
 def test_blocks_of_any_size_and_a_run_taken_up_again_give_the_same(drawn: Sweeps, result: Any) -> None:
     whole = plan(drawn, ft.Scenario(**scenario()))
     first = list(advance(whole, size=7))

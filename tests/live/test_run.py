@@ -155,10 +155,11 @@ def test_a_terminated_watch_is_whole_and_goes_on_with_its_labels(folder: Path) -
     """Raw samples through a pipe, ended by SIGTERM; then again, as a recorder that was away for a while."""
     options = ("-", "--channels", "4", "--rate", "1000")
     watch = folder / "watch"
-    begun = time.monotonic()
     process = started(folder, *options)
     process.stdin.write(samples()[:13_000].tobytes())
     process.stdin.flush()
+    until(lambda: scans(watch), "no scan")
+    begun = time.monotonic()
     until(lambda: len(scans(watch)) >= 25, "no scans")
     process.send_signal(signal.SIGTERM)
     _, err = process.communicate(timeout=MOST)
