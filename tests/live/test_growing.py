@@ -112,12 +112,27 @@ def test_what_is_of_recordings_is_refused(options: list[str], said: str, tmp_pat
     assert said in done.err
 
 
+def given_on_standard_input(content: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", types.SimpleNamespace(buffer=io.BytesIO(content)))
+
+
 @pytest.mark.slow
 def test_lines_on_standard_input_are_taken_in_until_they_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of them comes twice, which is told."""
     kind_named("bearings").write(tmp_path / "lines.csv", ft.simulate(longer("bearings")))
     run = {name: part for name, part in SCENARIOS["bearings"].items() if name != "simulation"}
-    content = io.BytesIO((tmp_path / "lines.csv").read_bytes())
-    monkeypatch.setattr(sys, "stdin", types.SimpleNamespace(buffer=content))
+    head, first, *rest = (tmp_path / "lines.csv").read_bytes().splitlines(keepends=True)
+    given_on_standard_input(b"".join([head, first, first, *rest]), monkeypatch)
     events: list[Any] = []
     assert watch_lines(run, tell=events.append, stop=threading.Event()) == SIMULATED
-    assert [event["event"] for event in events] == ["start", *["scan"] * SIMULATED, "end"]
+    told = [event for event in events if event["event"] == "remark"]
+    assert [event["event"] for event in events if event not in told] == ["start", *["scan"] * SIMULATED, "end"]
+    assert len({event["text"] for event in told}) == len(told)
+    assert ["stand in the file twice" in event["text"] for event in told] == [True]
+    assert events[0]["source"] == "standard input (lines of CSV)"
+
+
+def test_standard_input_without_lines_is_named_as_what_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    given_on_standard_input(b"\x89PNG\r\n", monkeypatch)
+    with pytest.raises(InputError, match=r"^standard input \(lines of CSV\)"):
+        watch_lines(SCENARIOS["frames"], tell=lambda event: None, stop=threading.Event())

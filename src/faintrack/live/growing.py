@@ -7,12 +7,13 @@ the first scans: what is chosen by the data is chosen once. Every look reads the
 takes longer the longer they are; after a look and its scans as much time passes before the next.
 """
 
+import re
 import shutil
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,7 @@ def growing(path: Path, scenario: Any, stop: threading.Event, tell: Tell = lambd
     first: Plan | None = None
     checkpoint: Checkpoint | None = None
     seen, reason = None, ""
+    said: dict[str, str] = {}
     while True:
         last = stop.is_set()
         now = _signature(path)
@@ -79,7 +81,7 @@ def growing(path: Path, scenario: Any, stop: threading.Event, tell: Tell = lambd
             continue
         seen, begun = now, time.monotonic()
         try:
-            plan = _plan(path, scenario)
+            plan, remarks = _plan(path, scenario)
         except InputError as error:
             if last:
                 raise
@@ -94,17 +96,27 @@ def growing(path: Path, scenario: Any, stop: threading.Event, tell: Tell = lambd
             continue
         if first is None:
             first, checkpoint = plan, Checkpoint(plan.state, 0)
-            for check in plan.checks:
-                tell({"event": "remark", "text": check})
+            _tell("remark", plan.checks, said, tell)
         assert checkpoint is not None
         if complete > checkpoint.scans:
             some = replace(plan, step=first.step, scenario=first.scenario, length=complete)
             for after, rows in advance(some, checkpoint, 1):
                 checkpoint = after
                 yield Moment(rows, after)
+            _tell("misfit", some.misfits(), said, tell, last)
+            _tell("remark", (*remarks, *some.remarks()), said, tell, last)
         if last:
             return
         stop.wait(max(POLL, min(time.monotonic() - begun, 60.0)))
+
+
+def _tell(event: str, sentences: Iterable[str], said: dict[str, str], tell: Tell, again: bool = False) -> None:
+    """Tell sentences that are new: those that only count further are told once, and again at the end."""
+    for text in sentences:
+        what = re.sub(r"[0-9][0-9.,e+-]*", "", text)
+        if what not in said or (again and said[what] != text):
+            tell({"event": event, "text": text})
+        said[what] = text
 
 
 def kept_lines(suffix: str, folder: Path) -> tuple[Path, threading.Thread]:
@@ -130,7 +142,12 @@ def kept_lines(suffix: str, folder: Path) -> tuple[Path, threading.Thread]:
 
 
 def watch_lines(scenario: Any, *, tell: Tell, stop: threading.Event) -> int:
-    """Watch lines of CSV on standard input until it ends or the watch is stopped; arguments as `watch_growing`."""
+    """Watch lines of CSV on standard input until it ends or the watch is stopped; arguments as `watch_growing`.
+
+    Raises
+    ------
+    InputError : as `watch_growing`; a kind of data that is not read from CSV is watched as a folder that fills.
+    """
     folder = Path(tempfile.mkdtemp(prefix="faintrack-"))
     try:
         file, writing = kept_lines(".csv", folder)
@@ -140,14 +157,27 @@ def watch_lines(scenario: Any, *, tell: Tell, stop: threading.Event) -> int:
             stop.set()
 
         threading.Thread(target=end, name="end of input", daemon=True).start()
-        return watch_growing(file, scenario, tell=tell, stop=stop)
+
+        def tell_of_input(event: Mapping[str, Any]) -> None:
+            tell({name: _as_input(value, file) if isinstance(value, str) else value for name, value in event.items()})
+
+        try:
+            return watch_growing(file, scenario, tell=tell_of_input, stop=stop)
+        except InputError as error:
+            raise InputError(_as_input(str(error), file)) from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _plan(path: Path, scenario: Any) -> Plan:
+def _as_input(text: str, file: Path) -> str:
+    """A sentence that names what a user has given, not where it is kept."""
+    return text.replace(str(file), "standard input (lines of CSV)")
+
+
+def _plan(path: Path, scenario: Any) -> tuple[Plan, tuple[str, ...]]:
+    """Plan of the data so far, and what was left out or assumed as they were read."""
     kind, data, what_to_run = opened(path, scenario, {})
-    return kind.plan(data, keeping(kind, what_to_run))
+    return kind.plan(data, keeping(kind, what_to_run)), tuple(getattr(data, "remarks", ()))
 
 
 def _signature(path: Path) -> tuple[Any, ...]:
