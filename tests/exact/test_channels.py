@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from faintrack.kinds.recording.channels import LoudFrames
 from faintrack.sensors.array import SensorArray, line_array, sensor_array
 from faintrack.sensors.beams import BeamGrid, steering
-from faintrack.signal.beamformer import beamformer
+from faintrack.signal.beamformer import Beamformer, beamformer
 from faintrack.signal.channels import doubts
 
 ARRAYS = {
@@ -15,8 +16,12 @@ ARRAYS = {
 FRAMES = 6
 
 
+def plan_of(array: SensorArray) -> Beamformer:
+    return beamformer(array, 1000.0, 0.5, (50.0, 350.0), snapshot=0.125)
+
+
 def planned(array: SensorArray) -> BeamGrid:
-    return beamformer(array, 1000.0, 0.5, (50.0, 350.0), snapshot=0.125).grid
+    return plan_of(array).grid
 
 
 def heard(grid: BeamGrid, *sources: tuple[float, float], seed: int = 0) -> np.ndarray:
@@ -75,3 +80,13 @@ def test_frames_that_lack_a_channel_tell_nothing_of_it() -> None:
     spectra = heard(grid, (1.0, 1.0))
     spectra[..., 3] = 0
     assert doubts(grid, spectra) == []
+
+
+def test_a_frame_that_is_taken_twice_is_kept_once() -> None:
+    """A plan may be run again: existence is the same, and samples have no order."""
+    frames = np.random.default_rng(0).normal(size=(3, 500, 8)).astype(np.float32)
+    once, twice = (LoudFrames(plan_of(ARRAYS["line"])) for _ in range(2))
+    for loud in (once, twice, twice):
+        loud.take(0, frames, np.ones((3, 1)))
+    names = tuple("01234567")
+    assert twice.checked(names) == once.checked(names)

@@ -109,6 +109,9 @@ class LoudFrames:
 
 def _keep(frames: Loudest, rank: float, number: int, frame: np.ndarray) -> None:
     """Take a frame in where it is among the highest, the earlier before the later."""
+    # A plan may be run a second time.
+    if any(number == -other for _, other, _ in frames):
+        return
     room = max(1, min(FRAMES, FRAMES_BYTES // frame.nbytes))
     key = (rank, -number)
     if len(frames) < room:
