@@ -128,7 +128,6 @@ def test_segments_of_any_length_give_the_same_bits(north: Path, whole: Path, tmp
     pd.testing.assert_frame_equal(states(store, "north"), expected, check_exact=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("segment", "chain", "burn_in"),
     [
@@ -151,6 +150,7 @@ def test_chains_of_any_length_give_the_same_tracks(
     assert float(apart.max()) < json.loads(next(store.glob("segments/*/*/segment.json")).read_text())["within"]
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_costs_its_segment(
     north: Path, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -165,13 +165,13 @@ def test_estimates_reach_the_cramer_rao_bound(fits: tuple[np.ndarray, ...]) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_a_target_is_told_from_none(fits: tuple[np.ndarray, ...]) -> None:
     """The highest ratio of false bearings alone lies below the lowest with a target, here by far."""
     _, _, with_target, without = fits
     assert without.max() < with_target.min() - 10
 
 
+@pytest.mark.slow
 def test_the_likeliest_target_is_likelier_than_the_true_one(fits: tuple[np.ndarray, ...]) -> None:
     _, _, with_target, _ = fits
     for seed in range(5):

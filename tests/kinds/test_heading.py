@@ -45,8 +45,7 @@ def off(bearings: Any, true: float) -> np.ndarray:
     return np.abs((np.asarray(bearings) - true + 180) % 360 - 180)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("side", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_a_turn_tells_the_side_of_a_line(heading: Path, side: int) -> None:
     true = 5.0 + side * 80.0
     scenario, recording = scene(LINE, heading, true)
@@ -64,6 +63,7 @@ def test_a_turn_tells_the_side_of_a_line(heading: Path, side: int) -> None:
     assert np.abs(track.mean["bearing_rate"]).max() < 1
 
 
+@pytest.mark.slow
 def test_a_planar_array_has_true_bearings(heading: Path) -> None:
     scenario, recording = scene(SQUARE, heading, 170.0)
     result = ft.track(recording, scenario, truth=scenario)
