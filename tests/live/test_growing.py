@@ -1,7 +1,9 @@
 """Files that grow and folders that fill: the numbers are those of `track` on the same data, for every kind."""
 
 import io
+import json
 import shutil
+import socket
 import sys
 import threading
 import time
@@ -16,9 +18,13 @@ import faintrack as ft
 from faintrack.errors import InputError
 from faintrack.kinds import kind_named
 from faintrack.live.growing import GrowingWatch
+from faintrack.live.lines import event_of
+from faintrack.live.metrics import exposition
+from faintrack.live.page.feed import LENGTH, greeting, scan_message
 from faintrack.live.run import run
 from tests.cli.calling import call
-from tests.kinds.small import SCENARIOS
+from tests.kinds.small import FILES, SCENARIOS
+from tests.kinds.test_sweeps import scenario as sweeps_scenario
 
 SIMULATED = 24
 """Scans; what is compiled is made of the first sixteen."""
@@ -27,7 +33,7 @@ SIMULATED = 24
 def longer(kind: str) -> dict[str, Any]:
     """The small scenario of a kind with more scans."""
     scenario = dict(SCENARIOS[kind])
-    name = {"frames": "frames", "bearings": "scans"}[kind]
+    name = {"frames": "frames", "bearings": "scans", "returns": "pings"}[kind]
     simulation = scenario["simulation"] | {name: SIMULATED}
     if kind == "frames":
         # As slow as it has to be to stay.
@@ -177,6 +183,75 @@ def test_a_folder_that_is_gone_on_with_gives_the_same_bits(images: Path, tmp_pat
         run([str(filling)], what, out=out, stop=stop)
 
 
+def test_a_watch_that_was_killed_goes_on_with_the_same_numbers(
+    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its folder as it was at that moment, with the state of the scan before."""
+    monkeypatch.setattr("faintrack.live.keeping.SAVED", -1.0)
+    out, killed, stop = tmp_path / "watch", tmp_path / "killed", threading.Event()
+
+    def see(watch: object, moment: object, event: dict[str, Any]) -> None:
+        if event["scan"] == 19:
+            shutil.copytree(out, killed)
+            stop.set()
+
+    what = ft.Scenario(**tracked(longer("frames")))
+    run([str(images)], what, out=out, see=see, stop=stop)
+    assert list(killed.glob(".*partial"))
+    run([str(images)], what, out=killed, stop=stop)
+    lines = [json.loads(line) for file in sorted(killed.glob("*.jsonl")) for line in file.read_text().splitlines()]
+    found = {event["scan"]: event for event in lines if event["event"] == "scan"}
+    whole = list(ft.follow(images, tracked(longer("frames"))))
+    # Digits are those of single precision.
+    existence = [moment.existence for moment in whole]
+    assert [found[number]["existence"] for number in range(SIMULATED)] == pytest.approx(existence, rel=1e-8)
+    labels = [[track.label for track in moment.tracks] for moment in whole]
+    assert [[row["label"] for row in found[number]["tracks"]] for number in range(SIMULATED)] == labels
+
+
+def test_what_the_page_is_sent_tells_a_map(images: Path) -> None:
+    """And figures for monitors, of a kind without a bearing-time record."""
+    stop = threading.Event()
+    stop.set()
+    watch = GrowingWatch(images, ft.Scenario(**tracked(longer("frames"))), stop=stop)
+    *_, moment = watch.moments()
+    greeted, event = json.loads(greeting(watch, moment)), event_of(moment)
+    assert [(place["name"], place["unit"]) for place in greeted["places"]] == [("x", "pixel"), ("y", "pixel")]
+    assert [column["name"] for column in greeted["columns"]] == ["x", "y", "vx", "vy"]
+    message = scan_message(watch, moment, event)
+    (length,) = LENGTH.unpack_from(message)
+    assert len(message) == LENGTH.size + length
+    (track,) = json.loads(message[LENGTH.size :])["tracks"]
+    assert {column["name"] for column in greeted["columns"]} <= set(track)
+    assert f"faintrack_scans_total {SIMULATED}\n" in exposition(watch.status, watch.counts, event)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["bearings", "returns", "sweeps"])
+def test_a_file_that_is_gone_on_with_gives_the_same_bits(kind: str, tmp_path: Path) -> None:
+    """Stopped when eighteen scans were there. What is chosen by the data is said, as they are fewer at first."""
+    file = tmp_path / FILES.get(kind, "small.npz")
+    scenario = sweeps_scenario() if kind == "sweeps" else longer(kind)
+    data, room, out, stop = ft.simulate(scenario), kind_named(kind), tmp_path / "watch", threading.Event()
+    room.write(file, data)
+    what = room.plan(data, ft.Scenario(**tracked(scenario))).scenario
+    whole = list(ft.follow(file, what))
+    assert room.stretch is not None
+    room.write(file, room.stretch(data, 0.0, (whole[17].time + whole[18].time) / 2))
+    assert run([str(file)], what, out=out, see=until_scan(16, stop), stop=stop) == 18
+    room.write(file, data)
+    stop = threading.Event()
+    assert run([str(file)], what, out=out, see=until_scan(len(whole) - 2, stop), stop=stop) == len(whole) - 17
+    first, second = parts_of(out)
+    existence = np.concatenate([moment.data.existence.values for moment in whole])
+    np.testing.assert_array_equal(first.data.existence, existence[:18])
+    np.testing.assert_array_equal(second.data.existence, existence[17:])
+    label = np.concatenate([moment.data.label.values for moment in whole])
+    np.testing.assert_array_equal(second.data.label, label[17:])
+    assert label.max() >= 1, "a target is found"
+    second.report(tmp_path / "report.html")
+
+
 @pytest.mark.parametrize(
     ("rule", "said"),
     [
@@ -211,6 +286,30 @@ def test_lines_on_standard_input_are_taken_in_until_they_end(tmp_path: Path, mon
     assert len({event["text"] for event in told}) == len(told)
     assert ["stand in the file twice" in event["text"] for event in told] == [True]
     assert next(event["source"] for event in events if event["event"] == "start") == "standard input (lines of CSV)"
+
+
+@pytest.mark.slow
+def test_lines_over_tcp_are_gone_on_with(tmp_path: Path) -> None:
+    """A sender that breaks off within a line, and comes again with its header and the rest."""
+    kind_named("bearings").write(tmp_path / "whole.csv", ft.simulate(longer("bearings")))
+    what = ft.Scenario(**tracked(longer("bearings")))
+    head, *lines = (tmp_path / "whole.csv").read_bytes().splitlines(keepends=True)
+    begun = next(number for number, line in enumerate(lines) if line.startswith(b"19,"))
+    sent = [b"".join([head, *lines[:begun], lines[begun][:7]]), b"".join([head, *lines[begun:]])]
+    seen: list[Any] = []
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def send() -> None:
+            for content in sent:
+                with listener.accept()[0] as connection:
+                    connection.sendall(content)
+
+        threading.Thread(target=send, daemon=True).start()
+        for _ in sent:
+            run([f"tcp://127.0.0.1:{listener.getsockname()[1]}"], what, out=tmp_path / "watch", tell=seen.append)
+    found = {event["scan"]: event["existence"] for event in seen if event["event"] == "scan"}
+    whole = [moment.existence for moment in ft.follow(tmp_path / "whole.csv", what)]
+    assert [found[number] for number in range(SIMULATED)] == whole
 
 
 def test_standard_input_without_lines_is_named_as_what_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,7 +109,7 @@ def watch_source(
         def tell(event: Mapping[str, Any]) -> None:
             if out is None:
                 print(line(event), flush=True)
-            if page is not None and event["event"] in ("alarm", "misfit"):
+            if page is not None and event["event"] in ("alarm", "misfit", "remark"):
                 page.send(line(event))
             if event["event"] != "scan":
                 print(_sentence(event), file=sys.stderr, flush=True)

@@ -40,9 +40,9 @@ def connected_lines(address: str, port: int) -> Iterator[bytes]:
     connection.settimeout(None)
 
     def lines() -> Iterator[bytes]:
-        # A connection that breaks is the end of its lines.
+        # A connection that breaks is the end of its lines, and the line that was cut is none.
         with connection, connection.makefile("rb") as content, suppress(OSError):
-            yield from content
+            yield from (line for line in content if line.endswith(b"\n"))
 
     return lines()
 

@@ -98,7 +98,9 @@ def _has_record(data: xr.Dataset) -> bool:
 
 def _title(name: str) -> str:
     """Heading of a column."""
-    return {"bearing_rate": "Rate", "snr_db": "SNR"}.get(name, name.replace("_", " ").capitalize())
+    words = {"bearing_rate": "Rate", "snr_db": "SNR"}
+    # Letters of axes are written as they are.
+    return words.get(name, name.replace("_", " ").capitalize() if len(name) > 2 else name)
 
 
 def _ends(watch: Watching, data: xr.Dataset, name: str) -> list[float] | None:
