@@ -226,6 +226,20 @@ def test_what_the_page_is_sent_tells_a_map(images: Path) -> None:
     assert f"faintrack_scans_total {SIMULATED}\n" in exposition(watch.status, watch.counts, event)
 
 
+def test_a_watch_that_ended_early_is_begun_anew(images: Path, tmp_path: Path) -> None:
+    """A few images tell too little to choose by."""
+    few, out, stop, told = tmp_path / "few", tmp_path / "watch", threading.Event(), []
+    few.mkdir()
+    files = sorted(images.iterdir())
+    stop.set()
+    what = ft.Scenario(**tracked(longer("frames")))
+    for count in (5, SIMULATED):
+        for file in files[:count]:
+            shutil.copy(file, few)
+        assert run([str(few)], what, out=out, tell=told.append, stop=stop) == count
+    assert not any("goes_on" in event for event in told)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bearings", "returns", "sweeps"])
 def test_a_file_that_is_gone_on_with_gives_the_same_bits(kind: str, tmp_path: Path) -> None:

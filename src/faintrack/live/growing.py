@@ -100,7 +100,9 @@ class GrowingWatch:
         self.plan = self._first.plan
         began = Checkpoint(self.plan.state, 0)
         self._now = began if self.since is None else self.since.load(self.plan)
-        self.checkpoint = self._now
+        # What few scans chose is not kept: a later run begins anew.
+        self._lasts = self.since is not None or self._first.complete >= OPENING
+        self.checkpoint: Checkpoint | None = self._now if self._lasts else None
 
     def start(self) -> dict[str, Any]:
         """Event with which the watch begins."""
@@ -127,7 +129,7 @@ class GrowingWatch:
             for after, rows in advance(self.plan, self._now, 1):
                 self._now = after
                 # The last scan may be a half: a run that goes on takes it in again.
-                if not (look.last and after.scans == look.complete):
+                if self._lasts and not (look.last and after.scans == look.complete):
                     self.checkpoint = after
                 self.status.scans += 1
                 self.status.behind_s = (look.complete - after.scans) * float(rows.attrs["scan_interval"])

@@ -178,6 +178,8 @@ class Keeping:
         more : plain values that are wanted when it goes on, beside those of the watch.
         """
         state, checkpoint = self.state, watch.checkpoint
+        if checkpoint is None:
+            return
         name = f"{checkpoint.scans}.state"
         replaced(state / name, lambda path: save_checkpoint(path, checkpoint))
         facts = {"scans": checkpoint.scans, "checkpoint": name, "more": {**watch.facts(), **more}}

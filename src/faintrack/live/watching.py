@@ -55,8 +55,8 @@ class Watching(Protocol):
         """Of the data so far."""
 
     @property
-    def checkpoint(self) -> Checkpoint:
-        """Where a later run goes on."""
+    def checkpoint(self) -> Checkpoint | None:
+        """Where a later run goes on; None where it begins anew."""
 
     @property
     def status(self) -> Status:
