@@ -104,11 +104,13 @@ def run(
                     require_components(bell.rules, moment.data)
                 told(event)
                 see(watch, moment, event)
-                for rule, alarm in bell.take(event):
+                alarms = list(bell.take(event))
+                for rule, alarm in alarms:
                     told(alarm)
                     if rule.webhook is not None:
                         webhooks.send(rule.webhook, secrets[str(rule.secret_file)], alarm)
-                if keeping is not None and keeping.due():
+                # An alarm that was given is not given again by a run that goes on after a loss of power.
+                if keeping is not None and (alarms or keeping.due()):
                     keeping.save(watch, {"alarms": bell.saved()})
                 doubts.look(moment, part)
                 yield moment
