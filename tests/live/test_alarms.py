@@ -3,6 +3,7 @@
 import hashlib
 import hmac
 import json
+import math
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -44,6 +45,14 @@ def test_once_for_each_track_and_rule() -> None:
 
 def test_what_is_not_known_is_in_no_sector() -> None:
     assert labels(AlarmBell([AlarmSection()]), scan(0.0, _1=float("nan"))) == []
+
+
+def test_a_region_is_of_all_its_components() -> None:
+    rule = AlarmSection(name="harbour", region={"x_m": (0.0, 10.0), "y_m": (-5.0, 5.0)})
+    places = [(1, 5.0, 6.0), (2, 11.0, 0.0), (3, 10.0, -5.0), (4, math.nan, 0.0), (5, 3.0, 3.0)]
+    tracks = [{"label": label, "existence": 0.99, "x_m": x, "y_m": y} for label, x, y in places]
+    alarms = AlarmBell([rule]).take({"time": 0.0, "tracks": tracks})
+    assert [alarm["label"] for _, alarm in alarms] == [3, 5]
 
 
 def test_a_bell_that_was_saved_tells_nothing_twice() -> None:
@@ -125,6 +134,7 @@ def test_a_watch_gives_an_alarm(tmp_path: Path, receiver: tuple[str, list]) -> N
         ({"longer_than": -1.0}, r"alarm\[0\].longer_than is -1.0"),
         ({"webhook": "ftp://x", "secret_file": "s"}, "expected an address that begins with http"),
         ({"webhook": "http://x"}, "webhook and secret_file: expected both or none"),
+        ({"region": {"x_m": [5.0, 1.0]}}, "region.x_m: expected the smaller number first"),
         ({"name": ""}, r"alarm\[0\].name"),
         ({"sectors": [0, 1]}, "did you mean"),
     ],

@@ -123,7 +123,7 @@ def test_a_track_appears(page: Page, messages: tuple[str, list[bytes]]) -> None:
     first, *scans = listen(page, 33)
     greeted = json.loads(first)
     assert (greeted["event"], greeted["declare"], greeted["scan_interval"]) == ("greeting", 0.97, 0.5)
-    assert (greeted["first_beam_deg"], greeted["last_beam_deg"]) == (0.0, 180.0)
+    assert greeted["places"] == [{"name": "bearing_deg", "unit": "degree", "ends": [0.0, 180.0]}]
     moments = list(ft.follow(ft.from_samples(samples(), 1000.0), scenario()))
     for message, moment in zip(scans, moments, strict=True):
         event, row = scan_of(message)

@@ -296,7 +296,7 @@ def test_a_source_that_breaks_ends_the_watch_with_its_reason_and_a_whole_result(
         yield from pieces(samples()[:14_000])
         raise OSError("the cable is out")
 
-    monkeypatch.setattr("faintrack.live.run.opened_stream", lambda *arguments: stream(broken()))
+    monkeypatch.setattr("faintrack.live.watch.opened_stream", lambda *arguments: stream(broken()))
     with pytest.raises(ft.InputError, match=r"^test broke \(the cable is out\)\.$"):
         run(["-"], scenario(), out=folder / "watch")
     with Keeping(folder / "watch") as keeping:

@@ -59,53 +59,13 @@ def live(
     Example: [bold]faintrack live images/ --scenario scenario.toml[/bold]
     """
     from faintrack.cli.options import sections_of
-    from faintrack.errors import InputError
     from faintrack.kinds.door import scenario_given
     from faintrack.live.sources import kind_of_source, raw_of
 
     given = scenario_given(scenario, sections_of(settings, kind, array, band, frame))
     raw = raw_of(channels, rate, format)
-    of = kind_of_source(source, given)
-    if of != "recording":
-        for option, value in {
-            "--out": out,
-            "--port": port,
-            "--speed": speed,
-            "--channels": raw,
-            "--nmea": nmea,
-        }.items():
-            if value is not None:
-                raise InputError(f"{option} is of recordings; the source holds {of}.")
-        watch_files(source[0], given.of(of))
-        return
-    what = given.of(of)
+    what = given.of(kind_of_source(source, given))
     watch_source(source, what, out=out, raw=raw, speed=speed, port=port, host=host, token_file=token_file, nmea=nmea)
-
-
-def watch_files(source: str, scenario: Any) -> None:
-    """Watch a file that grows, a folder that fills, or lines on standard input, until a signal comes.
-
-    Parameters
-    ----------
-    source : path, or - for standard input.
-    scenario : what to run.
-    """
-    from faintrack.live.growing import watch_growing, watch_lines
-
-    with stopped_by_signals() as stop:
-        if source == "-":
-            watch_lines(scenario, tell=_told, stop=stop)
-        else:
-            watch_growing(Path(source), scenario, tell=_told, stop=stop)
-
-
-def _told(event: Mapping[str, Any]) -> None:
-    """Print an event as a line, and what is no scan as a sentence too."""
-    from faintrack.live.lines import line
-
-    print(line(event), flush=True)
-    if event["event"] != "scan":
-        print(_sentence(event), file=sys.stderr, flush=True)
 
 
 def watch_source(
@@ -136,7 +96,7 @@ def watch_source(
     from faintrack.live.page.guard import guard_of
     from faintrack.live.page.server import Page
     from faintrack.live.run import run
-    from faintrack.live.watch import Watch
+    from faintrack.live.watching import Watching
 
     guard = None if port is None and token_file is None else guard_of(host, token_file)
     with ExitStack() as held:
@@ -149,16 +109,16 @@ def watch_source(
         def tell(event: Mapping[str, Any]) -> None:
             if out is None:
                 print(line(event), flush=True)
-            if page is not None and event["event"] in ("alarm", "misfit"):
+            if page is not None and event["event"] in ("alarm", "misfit", "remark"):
                 page.send(line(event))
             if event["event"] != "scan":
                 print(_sentence(event), file=sys.stderr, flush=True)
 
-        def see(watch: Watch, moment: Moment, event: Mapping[str, Any]) -> None:
+        def see(watch: Watching, moment: Moment, event: Mapping[str, Any]) -> None:
             if page is not None:
                 page.greet(greeting(watch, moment))
                 page.send(scan_message(watch, moment, event))
-                page.measure(exposition(watch.status, watch.stream.counts, event))
+                page.measure(exposition(watch.status, watch.counts, event))
             if send is not None:
                 _require_north(moment)
                 for message in target_messages(event):
@@ -172,7 +132,9 @@ def _require_north(moment: Any) -> None:
     from faintrack.errors import InputError
     from faintrack.results.schema import NORTH
 
-    if moment.data.beam.attrs["reference"] != NORTH:
+    if "bearing" not in moment.data:
+        raise InputError(f"--nmea sends bearings; tracks of {moment.data.attrs['kind']} have none.")
+    if moment.data.bearing.attrs["reference"] != NORTH:
         raise InputError("--nmea needs bearings from north; those of a line array are from its axis, on either side.")
 
 

@@ -5,7 +5,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import xarray as xr
+
+from faintrack.errors import InputError
+from faintrack.results.schema import column, units
 from faintrack.scenario.alarm import AlarmSection
+
+BEARING = "bearing_deg"
+"""Name of a bearing in the event of a scan."""
 
 MOST = 10_000
 """Pairs of rule and label that are remembered."""
@@ -49,7 +56,7 @@ class AlarmBell:
         for number, rule in enumerate(self.rules):
             for track in event["tracks"]:
                 pair = number, int(track["label"])
-                if not in_sector(float(track["bearing_deg"]), rule.sector):
+                if not _is_in(track, rule):
                     continue
                 inside[pair] = self.since.get(pair, time)
                 if time - inside[pair] >= rule.longer_than - ROUNDING and pair not in self.told:
@@ -78,6 +85,36 @@ def restored(rules: Sequence[AlarmSection], saved: Mapping[str, Any]) -> AlarmBe
     """
     since = {(int(rule), int(label)): float(time) for rule, label, time in saved.get("since", ())}
     return AlarmBell(rules, since, {(int(rule), int(label)): None for rule, label in saved.get("told", ())})
+
+
+def require_components(rules: Sequence[AlarmSection], data: xr.Dataset) -> None:
+    """Refuse rules of what tracks do not have.
+
+    Parameters
+    ----------
+    rules : of the scenario.
+    data : of any scan.
+
+    Raises
+    ------
+    InputError : a sector is asked for of tracks that have no bearing, or a region of components that they do not have.
+    """
+    known = [column(name, unit) for name, unit in units(data).items()]
+    for rule in rules:
+        if rule.sector is not None and BEARING not in known:
+            raise InputError(
+                f"alarm {rule.name}: sector is of bearings, and tracks of {data.attrs['kind']} have "
+                f"{', '.join(known)}; expected a region such as region = {{{known[0]} = [0, 100]}}."
+            )
+        for name in rule.region or ():
+            if name not in known:
+                raise InputError(f"alarm {rule.name}: region has {name}; expected some of {', '.join(known)}.")
+
+
+def _is_in(track: Mapping[str, Any], rule: AlarmSection) -> bool:
+    """Whether a track is where a rule is of. What is not known is nowhere."""
+    inside = all(low <= float(track[name]) <= high for name, (low, high) in (rule.region or {}).items())
+    return inside and (BEARING not in track or in_sector(float(track[BEARING]), rule.sector))
 
 
 def in_sector(bearing: float, sector: tuple[float, float] | None) -> bool:

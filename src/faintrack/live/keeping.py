@@ -14,7 +14,7 @@ beside the older one and takes its place at once: a process that is killed at an
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -32,6 +32,7 @@ from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import Checkpoint, load_checkpoint, save_checkpoint
 from faintrack.kinds.scenario import Scenario
 from faintrack.live.lines import line
+from faintrack.live.watching import Watching
 from faintrack.results.folder import (
     CHUNK,
     MARK,
@@ -61,17 +62,23 @@ class Since:
     Attributes
     ----------
     scans : its scans.
-    start_time : of the first sample of the watch; None where it is not known.
-    opening : samples that its plan was made from.
+    opening : samples that its plan was made from; None where its data can be read again.
     facts : what else was saved, by name.
     checkpoint : file of the state.
+    scenario : what was run, with what was chosen for the data.
     """
 
     scans: int
-    start_time: np.datetime64 | None
-    opening: Float[np.ndarray, "sample channel"]
+    opening: Float[np.ndarray, "sample channel"] | None
     facts: Mapping[str, Any]
     checkpoint: Path
+    scenario: Scenario
+
+    @property
+    def start_time(self) -> np.datetime64 | None:
+        """Of the first sample of the watch; None where it is not known."""
+        start = self.facts["start_time"]
+        return None if start is None else np.datetime64(start, "ns")
 
     def load(self, plan: Plan) -> Checkpoint:
         """State for a plan of the same data and scenario.
@@ -137,43 +144,45 @@ class Keeping:
             return None
         try:
             facts = json.loads((state / _FACTS).read_text(encoding="utf-8"))
-            start = facts["start_time"]
-            opening = np.load(state / _OPENING, allow_pickle=False)
+            beginning = state / _OPENING
             return Since(
                 int(facts["scans"]),
-                None if start is None else np.datetime64(start, "ns"),
-                opening,
+                np.load(beginning, allow_pickle=False) if beginning.exists() else None,
                 dict(facts["more"]),
                 state / str(Path(facts["checkpoint"]).name),
+                Scenario.read(state / _SCENARIO),
             )
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(
                 f"{state} is damaged ({type(error).__name__}); expected another name for --out."
             ) from error
 
-    def save_beginning(self, opening: Float[np.ndarray, "sample channel"], plan: Plan) -> None:
-        """Keep the samples that the plan was made from, and its scenario."""
-        replaced(self.folder / _STATE / _SCENARIO, plan.scenario.save)
-        replaced(self.folder / _STATE / _OPENING, lambda path: _save_array(path, opening))
+    @property
+    def state(self) -> Path:
+        """Folder of what a later run needs."""
+        return self.folder / _STATE
 
-    def save(self, checkpoint: Checkpoint, start_time: np.datetime64 | None, more: Mapping[str, Any]) -> None:
+    def save_beginning(self, watch: Watching) -> None:
+        """Keep what the plan was made from and chose."""
+        replaced(self.state / _SCENARIO, watch.plan.scenario.save)
+        opening = watch.opening
+        if opening is not None:
+            replaced(self.state / _OPENING, lambda path: _save_array(path, opening))
+
+    def save(self, watch: Watching, more: Mapping[str, Any]) -> None:
         """Write where the run stands.
 
         Parameters
         ----------
-        checkpoint : after the last scan.
-        start_time : of the first sample of the watch.
-        more : plain values that are wanted when it goes on.
+        watch : as it stands.
+        more : plain values that are wanted when it goes on, beside those of the watch.
         """
-        state = self.folder / _STATE
+        state, checkpoint = self.state, watch.checkpoint
+        if checkpoint is None:
+            return
         name = f"{checkpoint.scans}.state"
         replaced(state / name, lambda path: save_checkpoint(path, checkpoint))
-        facts = {
-            "scans": checkpoint.scans,
-            "start_time": None if start_time is None else str(start_time),
-            "checkpoint": name,
-            "more": more,
-        }
+        facts = {"scans": checkpoint.scans, "checkpoint": name, "more": {**watch.facts(), **more}}
         replaced(state / _FACTS, lambda path: path.write_text(json.dumps(facts), encoding="utf-8"))
         for older in state.glob("*.state"):
             if older.name != name:
@@ -202,17 +211,14 @@ class Keeping:
         except OSError as error:
             raise InputError(f"{self.folder} cannot be written ({error.strerror}).") from error
 
-    def part(
-        self, plan: Plan, moments: Iterator[Moment], first: Moment, remarks: Callable[[], tuple[str, ...]]
-    ) -> Path:
+    def part(self, watch: Watching, moments: Iterator[Moment], first: Moment) -> Path:
         """Write the result of an hour of scans, or of those up to the end.
 
         Parameters
         ----------
-        plan : of the watch.
+        watch : whose scans they are.
         moments : scans that follow `first`, taken from as they come.
         first : scan of the part.
-        remarks : of the watch, asked at the end.
 
         Raises
         ------
@@ -221,17 +227,21 @@ class Keeping:
         begun, name = time.monotonic(), self._name()
 
         def blocks() -> Iterator[Any]:
+            last = first
             yield first.data
             for moment in moments:
+                last = moment
                 yield moment.data
                 if moment.time - first.time >= self.seconds:
-                    return
+                    break
+            closed = watch.close(last.checkpoint.state)
+            if closed is not None:
+                yield closed
 
         with result_folder(self.folder / name) as folder:
             write_blocks(folder, blocks())
-            seconds = time.monotonic() - begun
-            kind = kind_named("recording")
-            write_rest(folder, Result(open_blocks(folder), plan.scenario, kind, seconds, remarks(), plan.misfits()))
+            seconds, data = time.monotonic() - begun, open_blocks(folder)
+            write_rest(folder, Result(data, watch.plan.scenario, watch.kind, seconds, watch.remarks(), watch.misfits()))
         self._whole = True
         return self.folder / name
 
@@ -244,7 +254,7 @@ class Keeping:
             zarr.consolidate_metadata(partial / "result.zarr")
             scenario = Scenario.read(self.folder / _STATE / _SCENARIO)
             said = (f"The run was killed; scans since the last {CHUNK} are in {name}.jsonl alone.",)
-            write_rest(partial, Result(open_blocks(partial), scenario, kind_named("recording"), 1.0, said))
+            write_rest(partial, Result(open_blocks(partial), scenario, kind_named(scenario.kind), 1.0, said))
             (partial / MARK).unlink()
             partial.replace(self.folder / name)
         # Whatever a store that was cut short raises: its lines are there.

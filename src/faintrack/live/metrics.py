@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from faintrack.live.watch import Status
+from faintrack.live.watching import Status
 
 
 def exposition(status: Status, counts: Mapping[str, int], event: Mapping[str, Any]) -> str:
@@ -13,7 +13,7 @@ def exposition(status: Status, counts: Mapping[str, int], event: Mapping[str, An
     Parameters
     ----------
     status : of the watch.
-    counts : of its stream, by name.
+    counts : what went wrong on the way, by name.
     event : of the last scan, see `faintrack.live.lines.event_of`.
 
     Examples

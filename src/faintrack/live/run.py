@@ -3,29 +3,28 @@
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
+from faintrack.data.recording import Recording
 from faintrack.errors import InputError
 from faintrack.kinds import kind_named
 from faintrack.kinds.door import Moment
-from faintrack.kinds.promise import keeping as promised
-from faintrack.live.alarms import AlarmBell, restored
-from faintrack.live.bytestream import Raw, now
-from faintrack.live.keeping import PART, Keeping, Since
+from faintrack.live.alarms import require_components, restored
+from faintrack.live.bytestream import Raw
+from faintrack.live.doubts import Doubts
+from faintrack.live.growing import watched_files
+from faintrack.live.keeping import PART, Keeping
 from faintrack.live.lines import event_of
-from faintrack.live.sources import is_stored, opened_stream
-from faintrack.live.stream import Stream
-from faintrack.live.watch import Tell, Watch, watched
+from faintrack.live.watch import watched_stream
+from faintrack.live.watching import Tell, Watching
 from faintrack.live.webhook import Webhooks, secret_of
 
 PATIENCE = 10.0
 """Seconds that alarms have to be sent in when the watch ends."""
 
-See = Callable[[Watch, Moment, Mapping[str, Any]], None]
+See = Callable[[Watching, Moment, Mapping[str, Any]], None]
 """Is called with the watch, each scan, and the event of it."""
 
 
@@ -45,8 +44,9 @@ def run(
 
     Parameters
     ----------
-    words : the source, see `faintrack.live.sources.opened_stream`.
-    scenario : of the kind recording.
+    words : the source: of samples, see `faintrack.live.sources.opened_stream`; of every other kind of data, see
+        `faintrack.live.growing.watched_files`.
+    scenario : what to run.
     out : folder of the watch; an earlier run in it is gone on with.
     raw, speed : of the source.
     tell : is called with each event, a dictionary of plain values.
@@ -63,10 +63,9 @@ def run(
     InputError : source, scenario or folder cannot be used, or the stream broke; what came before is whole.
     """
     stop = threading.Event() if stop is None else stop
-    if scenario.array is None:
-        raise InputError("no array was given; expected --array FILE, or [array] in the scenario.")
-    scenario = promised(kind_named("recording"), scenario)
-    secrets = {str(rule.secret_file): secret_of(rule.secret_file) for rule in scenario.alarm or () if rule.secret_file}
+    # A kind of one's own may have no alarms.
+    rules = getattr(scenario, "alarm", None) or ()
+    secrets = {str(rule.secret_file): secret_of(rule.secret_file) for rule in rules if rule.secret_file}
     with ExitStack() as held:
         keeping = None if out is None else held.enter_context(Keeping(out, part))
         since = None if keeping is None else keeping.since()
@@ -80,111 +79,67 @@ def run(
                     keeping.tell(event)
                 tell(event)
 
-        stored = is_stored(words)
-        start = since.scans * round(_frame_of(since) or 0) if since is not None and stored else 0
-        stream = opened_stream(words, scenario, stop, raw, speed, start)
-        base = 0
-        if since is not None:
-            base, stream = _gone_on(since, stream, start if stored else None)
-        opening = None if since is None else since.opening
-        watch = watched(stream, scenario, tell=told, stop=stop, base=base, opening=opening)
+        watch: Watching | None
+        if kind_named(scenario.kind).data is Recording:
+            watch = watched_stream(words, scenario, since=since, tell=told, stop=stop, raw=raw, speed=speed)
+        else:
+            _require_no_samples(scenario.kind, raw, speed)
+            folder = _temporary(held) if keeping is None else keeping.state
+            watch = watched_files(words, scenario, since=since, tell=told, stop=stop, folder=folder)
         if watch is None:
             return 0
-        _begin(watch, since, base, told)
-        if keeping is not None and since is None and watch.opening is not None:
-            keeping.save_beginning(watch.opening, watch.plan)
+        doubts = Doubts(watch, told)
+        told(watch.start())
+        doubts.tell_remarks(watch.plan.checks)
+        if keeping is not None and since is None:
+            keeping.save_beginning(watch)
 
-        bell = restored(scenario.alarm or (), {} if since is None else since.facts["alarms"])
+        bell = restored(rules, {} if since is None else since.facts["alarms"])
         webhooks = Webhooks(told)
 
         def seen() -> Iterator[Moment]:
             for moment in watch.moments():
                 event = event_of(moment)
+                if watch.status.scans == 1:
+                    require_components(bell.rules, moment.data)
                 told(event)
                 see(watch, moment, event)
-                for rule, alarm in bell.take(event):
+                alarms = list(bell.take(event))
+                for rule, alarm in alarms:
                     told(alarm)
                     if rule.webhook is not None:
                         webhooks.send(rule.webhook, secrets[str(rule.secret_file)], alarm)
-                if keeping is not None and keeping.due():
-                    _save(keeping, watch, bell)
+                # An alarm that was given is not given again by a run that goes on after a loss of power.
+                if keeping is not None and (alarms or keeping.due()):
+                    keeping.save(watch, {"alarms": bell.saved()})
+                doubts.look(moment, part)
                 yield moment
 
         moments = seen()
+        last: Moment | None = None
         try:
             for moment in moments:
+                last = moment
                 if keeping is not None:
-                    keeping.part(watch.plan, moments, moment, watch.remarks)
-                    _tell_misfits(watch, told)
-            if keeping is None and watch.status.scans:
-                _tell_misfits(watch, told)
+                    keeping.part(watch, moments, moment)
+                    doubts.tell_all()
+            if keeping is None and last is not None:
+                watch.close(last.checkpoint.state)
+                doubts.tell_all()
         finally:
             if keeping is not None and watch.status.scans:
-                _save(keeping, watch, bell)
+                keeping.save(watch, {"alarms": bell.saved()})
             webhooks.finish(PATIENCE)
             told({"event": "end", "scans": watch.status.scans})
-        if not (watch.status.scans or since or stop.is_set()):
-            raise InputError(f"{stream.source} ended before one frame of {scenario.analysis.frame:g} s had come.")
         return watch.status.scans
 
 
-def _frame_of(since: Since | None) -> float | None:
-    return None if since is None else float(since.facts["frame"])
+def _require_no_samples(kind: str, raw: Raw | None, speed: float | None) -> None:
+    for option, value in {"--speed": speed, "--channels": raw}.items():
+        if value is not None:
+            raise InputError(f"{option} is of samples; the source holds {kind}.")
 
 
-def _tell_misfits(watch: Watch, told: Tell) -> None:
-    """Tell where the data so far are not as the model has them."""
-    for misfit in watch.plan.misfits():
-        told({"event": "misfit", "text": misfit})
-
-
-def _save(keeping: Keeping, watch: Watch, bell: AlarmBell) -> None:
-    facts = {"frame": watch.frame, "sample_rate": watch.stream.sample_rate, "alarms": bell.saved()}
-    keeping.save(watch.checkpoint, watch.stream.start_time, facts)
-
-
-def _gone_on(since: Since, stream: Stream, start: int | None) -> tuple[int, Stream]:
-    """Number of the first sample of a stream that an earlier run goes on with, and the stream on that run's clock.
-
-    Parameters
-    ----------
-    since : the earlier run.
-    stream : as opened now.
-    start : of a source that is stored; by the clock where None.
-    """
-    if since.opening.shape[1] != len(stream.channel_names) or since.facts["sample_rate"] != stream.sample_rate:
-        raise InputError(
-            f"{stream.source} has {len(stream.channel_names)} channels at {stream.sample_rate:g} Hz, the earlier run "
-            f"{since.opening.shape[1]} at {since.facts['sample_rate']:g} Hz; expected another name for --out."
-        )
-    begun = since.start_time
-    last = since.scans * int(since.facts["frame"])
-    if start is None and begun is not None and stream.start_time is not None:
-        passed = float((stream.start_time - begun) / np.timedelta64(1, "ns")) * 1e-9
-        # A clock that was set back tells nothing of the gap; numbers never go back.
-        start = max(last, round(passed * stream.sample_rate))
-    return last if start is None else start, replace(stream, start_time=begun)
-
-
-def _begin(watch: Watch, since: Since | None, base: int, told: Tell) -> None:
-    """Take up an earlier run, and tell how the watch begins."""
-    rate = watch.stream.sample_rate
-    start = watch.stream.start_time
-    event: dict[str, Any] = {
-        "event": "start",
-        "source": watch.stream.source,
-        "channels": len(watch.stream.channel_names),
-        "sample_rate": rate,
-        "start_time": None if start is None else f"{start}Z",
-        "now": f"{now()}Z",
-    }
-    if since is not None:
-        earlier = since.load(watch.plan)
-        number = max(earlier.scans, -(-base // watch.frame))
-        watch.checkpoint = replace(earlier, scans=number)
-        gap = (number - earlier.scans) * watch.frame / rate
-        watch.status.gaps, watch.status.missing_s = int(gap > 0), gap
-        event["goes_on"] = {"scan": earlier.scans, "gap_s": gap}
-    told(event)
-    for remark in watch.plan.checks:
-        told({"event": "remark", "text": remark})
+def _temporary(held: ExitStack) -> Path:
+    """Folder that is removed when the watch ends, also where a thread writes to it still."""
+    return Path(held.enter_context(TemporaryDirectory(prefix="faintrack-", ignore_cleanup_errors=True)))

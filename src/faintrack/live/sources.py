@@ -89,7 +89,7 @@ def opened_stream(
     Parameters
     ----------
     words : as on the command line: one word, or "replay" and files of one recording.
-    scenario : of the kind recording.
+    scenario : of a kind whose data are samples.
     stop : event at which the stream gives up.
     raw : what bytes without a header hold.
     speed : of a replay; 1 where not given.
@@ -108,7 +108,7 @@ def opened_stream(
     word = words[0]
     for scheme, opens in NETWORK.items():
         if word.startswith(f"{scheme}://"):
-            return opens(*_address(word, scheme), stop)
+            return opens(*address_of(word, scheme), stop)
     if word == "-":
         return standard_input(stop, raw)
     path = Path(word)
@@ -129,13 +129,13 @@ def _replayed(files: Sequence[str], scenario: Any, stop: threading.Event, speed:
     for file in files:
         if not Path(file).exists():
             raise InputError(f"{file} does not exist.")
-    recording = kind_named("recording").read(tuple(map(Path, files)), scenario)
+    recording = kind_named(scenario.kind).read(tuple(map(Path, files)), scenario)
     if start >= recording.length:
         raise InputError(f"{recording.source} was played to its end before; expected another folder for --out.")
     return replay(recording, speed, stop, start)
 
 
-def _address(word: str, scheme: str) -> tuple[str, int]:
+def address_of(word: str, scheme: str) -> tuple[str, int]:
     """Address and port of a source."""
     address, colon, port = word.removeprefix(f"{scheme}://").rpartition(":")
     if not (colon and address and port.isdecimal() and len(port) <= 5 and 0 < int(port) < 2**16):

@@ -7,20 +7,27 @@ arithmetic of its own.
 """
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from jaxtyping import Float
 
 from faintrack.data.recording import Recording
+from faintrack.errors import InputError
 from faintrack.kinds import kind_named
 from faintrack.kinds.door import Moment
-from faintrack.kinds.kind import Plan
+from faintrack.kinds.kind import Kind, Plan
 from faintrack.kinds.loop import Checkpoint, advance
+from faintrack.kinds.promise import keeping
 from faintrack.live.buffer import FAR, LOOKAHEAD, MOST_VALUES, Buffer
+from faintrack.live.bytestream import Raw, now
+from faintrack.live.keeping import Since
+from faintrack.live.sources import is_stored, opened_stream
 from faintrack.live.stream import Stream
+from faintrack.live.watching import Status, Tell
 from faintrack.numerics.compiled import keep_compilations
 
 TAKEN_IN = 60
@@ -28,29 +35,6 @@ TAKEN_IN = 60
 
 OPENING = 11.0
 """Seconds of samples that a plan looks at, and a little more."""
-
-Tell = Callable[[Mapping[str, Any]], None]
-"""Is called with each event: a dictionary of plain values whose `event` is its name."""
-
-
-@dataclass
-class Status:
-    """How a watch stands.
-
-    Attributes
-    ----------
-    scans : taken in by this process.
-    behind_s : seconds of samples that have come and were not taken in yet.
-    gaps : stretches of missing samples.
-    missing_s : their length; seconds.
-    left_out : scans that were passed over because the machine was too slow.
-    """
-
-    scans: int = 0
-    behind_s: float = 0.0
-    gaps: int = 0
-    missing_s: float = 0.0
-    left_out: int = 0
 
 
 @dataclass
@@ -60,7 +44,7 @@ class Watch:
     Attributes
     ----------
     stream : of samples.
-    scenario : what to run, of the kind recording.
+    scenario : what to run, of a kind whose data are samples.
     tell : is called with events.
     stop : event at which it ends.
     base : number of the first sample of the stream since the watch began.
@@ -77,24 +61,67 @@ class Watch:
 
     def __post_init__(self) -> None:
         keep_compilations()
+        self.kind: Kind = kind_named(self.scenario.kind)
+        self._goes_on: dict[str, Any] = {}
         self.buffer = Buffer(self.stream, self.base, self.opening, self.stop)
         self.frame = round(self.scenario.analysis.frame * self.stream.sample_rate)
         # A recorder does not wait until programs are compiled; a replay does.
         if self.stream.pace == 1:
             self.buffer.start()
-        _compile(self.stream, self.scenario)
+        _compile(self.kind, self.stream, self.scenario)
         if self.stream.pace != 1:
             self.buffer.start()
-        self.plan: Plan = kind_named("recording").plan(self.buffer.recording(), self.scenario)
+        self.plan: Plan = self.kind.plan(self.buffer.recording(), self.scenario)
         self.opening = self.buffer.opening()
         self.checkpoint = Checkpoint(self.plan.state, 0)
+
+    @property
+    def source(self) -> str:
+        """Where the samples come from, for messages."""
+        return self.stream.source
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """What went wrong on the way, by name."""
+        return self.stream.counts
+
+    def start(self) -> dict[str, Any]:
+        """Event with which the watch begins."""
+        start = self.stream.start_time
+        return {
+            "event": "start",
+            "source": self.source,
+            "channels": len(self.stream.channel_names),
+            "sample_rate": self.stream.sample_rate,
+            "start_time": None if start is None else f"{start}Z",
+            "now": f"{now()}Z",
+            **self._goes_on,
+        }
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values that a later run needs beside the checkpoint."""
+        start = self.stream.start_time
+        return {
+            "frame": self.frame,
+            "sample_rate": self.stream.sample_rate,
+            "start_time": None if start is None else str(start),
+        }
+
+    def go_on(self, since: Since) -> None:
+        """Take up an earlier run."""
+        earlier = since.load(self.plan)
+        number = max(earlier.scans, -(-self.base // self.frame))
+        self.checkpoint = replace(earlier, scans=number)
+        gap = (number - earlier.scans) * self.frame / self.stream.sample_rate
+        self.status.gaps, self.status.missing_s = int(gap > 0), gap
+        self._goes_on = {"goes_on": {"scan": earlier.scans, "gap_s": gap}}
 
     def moments(self) -> Iterator[Moment]:
         """Yield what is known after every scan, until the stream ends or it is stopped.
 
         Raises
         ------
-        InputError : the stream broke.
+        InputError : the stream broke, or ended before the first scan.
         """
         rate = self.stream.sample_rate
         # What went wrong before the first scan is told with it.
@@ -103,6 +130,9 @@ class Watch:
             number = self.checkpoint.scans
             whole = (number + 1) * self.frame
             if not self.buffer.wait(whole + LOOKAHEAD) and (self.stop.is_set() or self.buffer.end < whole):
+                if not (self.status.scans or self._goes_on or self.stop.is_set()):
+                    frame = self.scenario.analysis.frame
+                    raise InputError(f"{self.source} ended before one frame of {frame:g} s had come.")
                 return
             passed = self._passed_over(number)
             if passed:
@@ -153,8 +183,16 @@ class Watch:
         said += [f"Of the packets {count} were {name.replace('_', ' ')}." for name, count in self.stream.counts.items()]
         return tuple(dict.fromkeys((*self.plan.checks, *self.plan.remarks(), *said)))
 
+    def misfits(self) -> tuple[str, ...]:
+        """Where the data are not as the model has them, one sentence each."""
+        return self.plan.misfits()
 
-def _compile(stream: Stream, scenario: Any) -> None:
+    def close(self, state: Any) -> xr.Dataset | None:
+        """What is known after a scan beside the scans themselves, as `Plan.close`."""
+        return None if self.plan.close is None else self.plan.close(state)
+
+
+def _compile(kind: Kind, stream: Stream, scenario: Any) -> None:
     """Compile what the first scan needs, on noise, while the stream's own first seconds are still to come.
 
     Raises
@@ -167,25 +205,70 @@ def _compile(stream: Stream, scenario: Any) -> None:
     recording = Recording(
         lambda start, stop: noise[start:stop], FAR, rate, stream.channel_names, source=stream.source, live=True
     )
-    next(advance(kind_named("recording").plan(recording, scenario), None, 1))
+    next(advance(kind.plan(recording, scenario), None, 1))
 
 
-def watched(stream: Stream, scenario: Any, **options: Any) -> Watch | None:
-    """A watch, or None where it was stopped before its plan could be made.
+def watched_stream(
+    words: Sequence[str],
+    scenario: Any,
+    *,
+    since: Since | None,
+    tell: Tell,
+    stop: threading.Event,
+    raw: Raw | None = None,
+    speed: float | None = None,
+) -> Watch | None:
+    """Watch of a source of samples, or None where it was stopped before its plan could be made.
 
     Parameters
     ----------
-    stream, scenario, options : as `Watch`.
+    words, raw, speed : as `faintrack.live.sources.opened_stream`.
+    scenario, tell, stop : as `Watch`.
+    since : an earlier run that is gone on with.
 
     Raises
     ------
-    InputError : stream and scenario do not fit together, or the stream broke.
+    InputError : source and scenario do not fit together or to the earlier run, or the stream broke.
     """
-    stop = options.setdefault("stop", threading.Event())
+    if scenario.array is None:
+        raise InputError("no array was given; expected --array FILE, or [array] in the scenario.")
+    scenario = keeping(kind_named(scenario.kind), scenario)
+    start = since.scans * int(since.facts["frame"]) if since is not None and is_stored(words) else 0
+    stream, base = opened_stream(words, scenario, stop, raw, speed, start), 0
+    if since is not None:
+        base, stream = _gone_on(since, stream, start if is_stored(words) else None)
+    opening = None if since is None else since.opening
     try:
-        return Watch(stream, scenario, **options)
+        watch = Watch(stream, scenario, tell, stop, base, opening)
     except Exception:
         # Of the few samples of a stream that was stopped too early nothing can be said, whatever they lead to.
         if stop.is_set():
             return None
         raise
+    if since is not None:
+        watch.go_on(since)
+    return watch
+
+
+def _gone_on(since: Since, stream: Stream, start: int | None) -> tuple[int, Stream]:
+    """Number of the first sample of a stream that an earlier run goes on with, and the stream on that run's clock.
+
+    Parameters
+    ----------
+    since : the earlier run.
+    stream : as opened now.
+    start : of a source that is stored; by the clock where None.
+    """
+    assert since.opening is not None
+    if since.opening.shape[1] != len(stream.channel_names) or since.facts["sample_rate"] != stream.sample_rate:
+        raise InputError(
+            f"{stream.source} has {len(stream.channel_names)} channels at {stream.sample_rate:g} Hz, the earlier run "
+            f"{since.opening.shape[1]} at {since.facts['sample_rate']:g} Hz; expected another name for --out."
+        )
+    begun = since.start_time
+    last = since.scans * int(since.facts["frame"])
+    if start is None and begun is not None and stream.start_time is not None:
+        passed = float((stream.start_time - begun) / np.timedelta64(1, "ns")) * 1e-9
+        # A clock that was set back tells nothing of the gap; numbers never go back.
+        start = max(last, round(passed * stream.sample_rate))
+    return last if start is None else start, replace(stream, start_time=begun)

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.moving import PlanarTargets
 from faintrack.scenario.section import Pair, Section
 from faintrack.scenario.sections import ManySection, ParticlesSection, TargetSection
@@ -123,6 +124,7 @@ class BearingsScenario(Scenario):
     target: ContactSection = ContactSection()
     filter: ParticlesSection = ParticlesSection()
     tracker: ManySection = ManySection()
+    alarm: Alarms | None = None
     simulation: SimulationSection | None = None
 
     @model_validator(mode="before")

@@ -39,7 +39,8 @@ def draw(result: Result) -> Figure:
         draw_matrix(surface, data.surface, "log of the\nlikelihood ratio")
         for axes in (record, surface):
             draw_paths(axes, data, "time", names[0])
-    else:
+    elif bands:
+        # A watch that does not know its length has no snapshots.
         draw_snapshots(figure, rows, data)
     draw_existence(below[0], result)
     for axes, name in zip(below[1:], names, strict=True):

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.section import Section
 from faintrack.scenario.sections import ManySection, ParticlesSection, TargetSection
 
@@ -139,4 +140,5 @@ class FramesScenario(Scenario):
     target: MovingTargetSection = MovingTargetSection()
     filter: FilterSection = FilterSection()
     tracker: ManySection = ManySection()
+    alarm: Alarms | None = None
     simulation: SimulationSection | None = None

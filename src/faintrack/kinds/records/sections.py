@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.array import ArraySection
 from faintrack.scenario.moving import PlanarTargets
 from faintrack.scenario.section import FilePath, Pair, Section
@@ -283,6 +284,7 @@ class RecordsScenario(Scenario):
     target: HeardTargetSection = HeardTargetSection()
     filter: SeedSection = SeedSection()
     several: SeveralSection = SeveralSection()
+    alarm: Alarms | None = None
     simulation: SimulationSection | None = None
 
     @model_validator(mode="after")

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.array import ArraySection
 from faintrack.scenario.moving import PlanarTargets
 from faintrack.scenario.section import FilePath, Pair, Section, problem
@@ -343,6 +344,7 @@ class ReturnsScenario(Scenario):
     target: ShipSection = ShipSection()
     filter: SeedSection = SeedSection()
     tracker: ManySection = ManySection()
+    alarm: Alarms | None = None
     simulation: SimulationSection | None = None
 
     @model_validator(mode="before")

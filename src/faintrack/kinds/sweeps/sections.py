@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.section import Section
 from faintrack.scenario.sections import TargetSection, TrackerSection
 
@@ -154,4 +155,5 @@ class SweepsScenario(Scenario):
     target: MovingSection = MovingSection()
     filter: FilterSection = FilterSection()
     tracker: SlotsSection = SlotsSection()
+    alarm: Alarms | None = None
     simulation: SimulationSection | None = None

@@ -1,7 +1,7 @@
 // Pictures of scans on canvases, newest on top. A view is what part of the scans is shown: `offset` scans are newer than it,
 // and it is `rows` scans high.
 
-const MARGIN = { left: 66, bottom: 24, top: 6 };
+export const MARGIN = { left: 66, bottom: 24, top: 6 };
 const TRACKS_DAY = ["#d55e00", "#000000", "#0072b2", "#cc79a7", "#e69f00", "#009e73"];
 const TRACKS_NIGHT = ["#ffd9a0", "#ffffff", "#ff8a5c", "#ffb3c8", "#ffe36e", "#c9ffb0"];
 // Lightness rises evenly in both, so that they read without colours too.
@@ -25,7 +25,7 @@ export function trackColour(label, night) {
   return colours[(label - 1) % colours.length];
 }
 
-function fitted(canvas) {
+export function fitted(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
   if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
@@ -35,7 +35,7 @@ function fitted(canvas) {
   return [g, canvas.clientWidth, canvas.clientHeight];
 }
 
-function style(name) { return getComputedStyle(document.documentElement).getPropertyValue(name); }
+export function style(name) { return getComputedStyle(document.documentElement).getPropertyValue(name); }
 
 // Scans of a view, newest first, each with the number of its row: time that was passed over is rows without a scan.
 export function visible(scans, view) {
@@ -66,9 +66,30 @@ function range(shown) {
 
 const picture = document.createElement("canvas");
 
-export function bearingAt(x, width, greeting) {
-  const share = (x - MARGIN.left) / Math.max(1, width - MARGIN.left);
-  return greeting.first_beam_deg + share * (greeting.last_beam_deg - greeting.first_beam_deg);
+export function bearingAt(x, width, [first, last]) {
+  return first + ((x - MARGIN.left) / Math.max(1, width - MARGIN.left)) * (last - first);
+}
+
+// Ends of the place across the picture: as they are known, or around what the tracks have.
+export function endsOf(scans, view, greeting) {
+  const place = greeting.places[0];
+  if (place.ends) return place.ends;
+  let low = Infinity, high = -Infinity;
+  for (const [, scan] of visible(scans, view)) {
+    for (const track of scan.tracks) {
+      if (track[place.name] === null) continue;
+      low = Math.min(low, track[place.name]); high = Math.max(high, track[place.name]);
+    }
+  }
+  if (low > high) return [0, 1];
+  const around = 0.1 * (high - low) || 1;
+  return [low - around, high + around];
+}
+
+// A round number near a value.
+export function roundStep(value) {
+  const power = 10 ** Math.floor(Math.log10(value)), share = value / power;
+  return (share < 1.5 ? 1 : share < 3.5 ? 2 : share < 7.5 ? 5 : 10) * power;
 }
 
 export function rowAt(y, height, view) {
@@ -81,6 +102,31 @@ export function drawRecord(canvas, scans, view, greeting, chosen, night) {
   if (!greeting || !scans.length || wide < 10) return;
   const shown = visible(scans, view);
   const beams = scans[scans.length - 1].row.length;
+  if (beams) drawLevels(g, shown, beams, view, wide, high, night);
+  const [first, last] = endsOf(scans, view, greeting), degrees = greeting.places[0].unit === "degree";
+  const x = (deg) => MARGIN.left + ((deg - first) / (last - first)) * wide;
+  const y = (row) => MARGIN.top + ((row + 0.5) / view.rows) * high;
+  drawTracks(g, shown, greeting.places[0].name, x, y, chosen, night, degrees ? Math.abs(last - first) : Infinity);
+  g.fillStyle = style("--faint"); g.strokeStyle = style("--line"); g.font = "12px system-ui, sans-serif"; g.lineWidth = 1;
+  g.textBaseline = "top";
+  const step = !degrees ? roundStep(Math.abs(last - first) / (wide > 500 ? 8 : 4)) : Math.abs(last - first) > 200 ? (wide > 500 ? 45 : 90) : (wide > 500 ? 20 : wide > 220 ? 45 : 90);
+  for (let deg = Math.ceil(Math.min(first, last) / step) * step; deg <= Math.max(first, last) + 0.01; deg += step) {
+    const place = x(deg);
+    g.textAlign = place > width - 20 ? "right" : place < MARGIN.left + 14 ? "left" : "center";
+    g.fillText(degrees ? deg + "°" : String(+deg.toPrecision(6)), place, height - MARGIN.bottom + 6);
+    g.beginPath(); g.moveTo(place, height - MARGIN.bottom); g.lineTo(place, height - MARGIN.bottom + 4); g.stroke();
+  }
+  g.textAlign = "right"; g.textBaseline = "middle";
+  const newest = scans[scans.length - 1].time - view.offset * greeting.scan_interval;
+  const lines = Math.max(2, Math.floor(high / 70));
+  for (let k = 0; k <= lines; k++) {
+    const row = (k / lines) * (view.rows - 1);
+    const time = newest - row * greeting.scan_interval;
+    if (time >= 0) g.fillText(clock(time, greeting), MARGIN.left - 6, Math.min(y(row), height - MARGIN.bottom - 6) + 2);
+  }
+}
+
+function drawLevels(g, shown, beams, view, wide, high, night) {
   picture.width = beams; picture.height = view.rows;
   const p = picture.getContext("2d");
   const image = p.createImageData(beams, view.rows);
@@ -98,37 +144,16 @@ export function drawRecord(canvas, scans, view, greeting, chosen, night) {
   p.putImageData(image, 0, 0);
   g.imageSmoothingEnabled = false;
   g.drawImage(picture, MARGIN.left, MARGIN.top, wide, high);
-  const first = greeting.first_beam_deg, last = greeting.last_beam_deg;
-  const x = (deg) => MARGIN.left + ((deg - first) / (last - first)) * wide;
-  const y = (row) => MARGIN.top + ((row + 0.5) / view.rows) * high;
-  drawTracks(g, shown, x, y, chosen, night, Math.abs(last - first));
-  g.fillStyle = style("--faint"); g.strokeStyle = style("--line"); g.font = "12px system-ui, sans-serif"; g.lineWidth = 1;
-  g.textBaseline = "top";
-  const step = Math.abs(last - first) > 200 ? (wide > 500 ? 45 : 90) : (wide > 500 ? 20 : wide > 220 ? 45 : 90);
-  for (let deg = Math.ceil(Math.min(first, last) / step) * step; deg <= Math.max(first, last) + 0.01; deg += step) {
-    const place = x(deg);
-    g.textAlign = place > width - 20 ? "right" : place < MARGIN.left + 14 ? "left" : "center";
-    g.fillText(deg + "°", place, height - MARGIN.bottom + 6);
-    g.beginPath(); g.moveTo(place, height - MARGIN.bottom); g.lineTo(place, height - MARGIN.bottom + 4); g.stroke();
-  }
-  g.textAlign = "right"; g.textBaseline = "middle";
-  const newest = scans[scans.length - 1].time - view.offset * greeting.scan_interval;
-  const lines = Math.max(2, Math.floor(high / 70));
-  for (let k = 0; k <= lines; k++) {
-    const row = (k / lines) * (view.rows - 1);
-    const time = newest - row * greeting.scan_interval;
-    if (time >= 0) g.fillText(clock(time, greeting), MARGIN.left - 6, Math.min(y(row), height - MARGIN.bottom - 6) + 2);
-  }
 }
 
 // Mean of each track, and two deviations on either side; a bearing that passes the edge begins a new line.
-function drawTracks(g, shown, x, y, chosen, night, around) {
+function drawTracks(g, shown, name, x, y, chosen, night, around) {
   const tracks = new Map();
   for (const [row, scan] of shown) {
     for (const track of scan.tracks) {
-      if (track.bearing_deg === null) continue;
+      if (track[name] === null) continue;
       if (!tracks.has(track.label)) tracks.set(track.label, []);
-      tracks.get(track.label).push([row, track.bearing_deg, track.bearing_deg_std || 0]);
+      tracks.get(track.label).push([row, track[name], track[`${name}_std`] || 0]);
     }
   }
   for (const [label, points] of tracks) {

@@ -1,6 +1,7 @@
 // The page of a watch: takes in messages, keeps the last hours, draws what is looked at. What comes from the data is only
 // ever put into text and pictures, never into markup.
-import { bearingAt, clock, drawExistence, drawRecord, rowAt, trackColour, visible } from "./drawing.js";
+import { bearingAt, clock, drawExistence, drawRecord, endsOf, rowAt, trackColour, visible } from "./drawing.js";
+import { drawMap, placeAt } from "./map.js";
 
 const MOST = 7200; // scans that are kept
 const find = (id) => document.getElementById(id);
@@ -10,14 +11,30 @@ let greeting = null, scans = [], paused = false, night = false, chosen = 0, dirt
 let order = { name: "label", up: true };
 const since = new Map();
 
-const COLUMNS = [
-  ["label", "Track", (t) => String(t.label)],
-  ["since", "Since", (t) => clock(t.since, greeting)],
-  ["bearing_deg", "Bearing", (t) => `${number(t.bearing_deg, 1)}° ± ${number(2 * t.bearing_deg_std, 1)}°`],
-  ["bearing_rate_deg_s", "Rate", (t) => `${number(t.bearing_rate_deg_s, 3)} °/s`],
-  ["snr_db", "SNR", (t) => `${number(t.snr_db, 1)} dB`],
-  ["existence", "Existence", (t) => number(t.existence, 3)],
-];
+const SIGNS = { degree: "°", "degree/s": " °/s", pixel: "", "pixel/s": " a second" };
+
+// What the table tells: the place with two deviations, rates and levels by themselves.
+function columnsOf(greeting) {
+  const places = new Set(greeting.places.map((place) => place.name));
+  return [
+    ["label", "Track", (t) => String(t.label)],
+    ["since", "Since", (t) => clock(t.since, greeting)],
+    ...greeting.columns.map(({ name, title, unit }) => {
+      const sign = SIGNS[unit] ?? ` ${unit}`, digits = unit === "degree/s" ? 3 : unit === "m" ? 0 : 1;
+      return [name, title, (t) => `${number(t[name], digits)}${sign}`
+        + (places.has(name) ? ` ± ${number(2 * t[`${name}_std`], digits)}${sign}` : "")];
+    }),
+    ["existence", "Existence", (t) => number(t.existence, 3)],
+  ];
+}
+let columns = [];
+
+// Where a track is, in words.
+function whereOf(track) {
+  return greeting.places.map(({ name, unit }) =>
+    greeting.places.length > 1 ? `${name.replace(/_m$/, "")} ${number(track[name], 0)}${SIGNS[unit] ?? ` ${unit}`}`
+      : `${number(track[name], 1)}${SIGNS[unit] ?? ` ${unit}`}`).join(", ");
+}
 
 function number(value, digits) {
   return value === null || value === undefined || Number.isNaN(value) ? "not known" : value.toFixed(digits);
@@ -55,6 +72,7 @@ function connect() {
     if (event.event === "greeting") greet(event);
     else if (event.event === "alarm") alarm(event);
     else if (event.event === "misfit") misfit(event);
+    else if (event.event === "remark") notice(`remark/${event.text.replace(/[0-9][0-9.,e+-]*/g, "")}`, event.text, "remark");
   };
   socket.onclose = () => {
     find("link").textContent = `no connection; again in ${Math.round(wait / 1000)} s`;
@@ -69,11 +87,13 @@ function greet(event) {
   }
   greeting = event;
   find("source").textContent = event.source;
+  columns = columnsOf(event);
+  headings();
   dirty = true;
 }
 
 function alarm(event) {
-  const where = event.bearing_deg === undefined ? "" : `, ${number(event.bearing_deg, 1)}°`;
+  const where = greeting ? `, ${whereOf(event)}` : "";
   notice(`${event.name}/${event.label}`,
     `${clock(event.time, greeting)}  ${event.name}: track ${event.label}${where}`);
 }
@@ -84,11 +104,11 @@ function misfit(event) {
 }
 
 const noticed = new Set();
-function notice(key, text) {
+function notice(key, text, kind = "") {
   if (noticed.has(key)) return;
   noticed.add(key);
   const said = document.createElement("p");
-  said.textContent = text;
+  said.textContent = text; said.className = kind;
   const dismiss = document.createElement("button");
   dismiss.textContent = "Seen";
   dismiss.onclick = () => said.remove();
@@ -98,7 +118,8 @@ function notice(key, text) {
 }
 
 function headings() {
-  for (const [name, title] of COLUMNS) {
+  find("headings").replaceChildren();
+  for (const [name, title] of columns) {
     const cell = document.createElement("th"), button = document.createElement("button");
     cell.scope = "col"; button.textContent = title;
     button.onclick = () => { order = { name, up: order.name === name ? !order.up : true }; dirty = true; };
@@ -122,7 +143,7 @@ function rows(now) {
     const choose = () => { chosen = chosen === track.label ? 0 : track.label; dirty = true; };
     row.onclick = choose;
     row.onkeydown = (event) => { if (event.key === "Enter") choose(); };
-    for (const [name, , text] of COLUMNS) {
+    for (const [name, , text] of columns) {
       const cell = document.createElement("td");
       if (name === "label") {
         const mark = document.createElement("span");
@@ -155,13 +176,15 @@ function state(now) {
 function draw() {
   if (dirty) {
     dirty = false;
-    drawRecord(record, scans, view, greeting, chosen, night);
+    const map = greeting && greeting.places.length > 1;
+    if (map) drawMap(record, scans, view, greeting, chosen, night);
+    else drawRecord(record, scans, view, greeting, chosen, night);
     drawExistence(existence, scans, view, greeting, chosen, night);
     const shown = visible(scans, view), now = shown.length ? shown[0][1] : null;
     rows(now); state(now);
     if (now) {
-      const said = now.tracks.map((t) => `track ${t.label} at ${number(t.bearing_deg, 0)} degrees`).join(", ");
-      record.setAttribute("aria-label", `Bearing-time record at ${clock(now.time, greeting)}: ${said || "no track"}`);
+      const said = now.tracks.map((t) => `track ${t.label} at ${whereOf(t)}`).join(", ");
+      record.setAttribute("aria-label", `${map ? "Map" : "Places over time"} at ${clock(now.time, greeting)}: ${said || "no track"}`);
       find("clock").textContent = clock(now.time, greeting) + (greeting.start_time ? " UTC" : "");
     }
   }
@@ -214,16 +237,23 @@ find("night").onclick = dim;
 record.addEventListener("wheel", (event) => { event.preventDefault(); scroll(Math.sign(event.deltaY) * view.rows / 10); }, { passive: false });
 record.addEventListener("pointerleave", () => { find("hover").textContent = ""; });
 record.addEventListener("pointermove", (event) => {
-  if (!greeting) return;
-  const bearing = bearingAt(event.offsetX, record.clientWidth, greeting);
+  if (!greeting || !scans.length) return;
+  const place = greeting.places[0], sign = SIGNS[place.unit] ?? ` ${place.unit}`;
+  if (greeting.places.length > 1) {
+    const [x, y] = placeAt(event.offsetX, event.offsetY, record, scans, view, greeting);
+    find("hover").textContent = `${number(x, 0)}, ${number(y, 0)}${sign}`;
+    return;
+  }
+  const value = bearingAt(event.offsetX, record.clientWidth, endsOf(scans, view, greeting));
   const row = rowAt(event.offsetY, record.clientHeight, view);
   const hit = visible(scans, view).find(([number_]) => number_ === row);
-  if (!hit || !(bearing >= Math.min(greeting.first_beam_deg, greeting.last_beam_deg))) return;
-  const scan = hit[1], share = (bearing - greeting.first_beam_deg) / (greeting.last_beam_deg - greeting.first_beam_deg);
+  const [first, last] = endsOf(scans, view, greeting);
+  if (!hit || !(value >= Math.min(first, last))) return;
+  const scan = hit[1], share = (value - first) / (last - first);
   const level = scan.low_db + (scan.row[Math.round(share * (scan.row.length - 1))] / 255) * (scan.high_db - scan.low_db);
-  find("hover").textContent = `${clock(scan.time, greeting)}  ${number(bearing, 1)}°  ${number(level, 1)} dB`;
+  find("hover").textContent = `${clock(scan.time, greeting)}  ${number(value, 1)}${sign}`
+    + (scan.row.length ? `  ${number(level, 1)} dB` : "");
 });
 new ResizeObserver(() => { dirty = true; }).observe(record);
-headings();
 connect();
 requestAnimationFrame(draw);
