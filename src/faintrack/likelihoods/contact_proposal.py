@@ -7,7 +7,8 @@ if it was detected; newborn particles are drawn about them,
     \pi(x) = \alpha\, b(x) + \frac{1 - \alpha}{n} \sum_i N(\tau(x); \tau_i, \sigma_\tau^2)\,
     N(\phi(x); \phi_i, \sigma_\phi^2) \left| \frac{\partial(\tau, \phi)}{\partial(x, y)} \right|
 
-with b the birth density in the plane and :math:`\alpha` one half, and have the weight :math:`b(x) / \pi(x)`, at most 2.
+with b the birth density in the plane and :math:`\alpha` a tenth, and have the weight :math:`b(x) / \pi(x)`, at most
+10. A target that is missed when it appears is found about its next contact, so that few are needed elsewhere.
 With R the range and u the unit vectors to the target, from the source S and the receiver T,
 
 .. math:: \left| \frac{\partial(\tau, \phi)}{\partial(x, y)} \right| = \frac{1 + u_S \cdot u_T}{c R},
@@ -22,12 +23,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.likelihoods.beam_proposal import EVERYWHERE
 from faintrack.likelihoods.bearing_proposal import where_likely
 from faintrack.sensors.bistatic import Bistatic
 from faintrack.sensors.contact_sets import BEARING, ContactSensor, ContactSet, ContactsOfPairs
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Birth, UniformBirth
+
+ELSEWHERE = 0.1
+"""Share of the draws that are from the birth density."""
 
 NEAREST = 1e-3
 """Range below which a place is the receiver's own; m."""
@@ -36,7 +39,7 @@ NEAREST = 1e-3
 def about_contacts(
     likelihood: Any, scan: ContactSet, birth: UniformBirth, key: PRNGKeyArray, count: int
 ) -> tuple[PlanarState, Float[Array, " count"]]:
-    """Draw states of new targets, half of them about the contacts of a ping.
+    """Draw states of new targets, most of them about the contacts of a ping.
 
     Parameters
     ----------
@@ -61,7 +64,7 @@ def about_contacts(
     >>> low, high = (PlanarState(*(jnp.array(sign * each) for each in (9e3, 9e3, 8.0, 8.0))) for sign in (-1, 1))
     >>> likelihood, birth = ContactSetLikelihood(sensor), UniformBirth(low, high)
     >>> states, log_weights = about_contacts(likelihood, contacts, birth, jax.random.key(0), 1000)
-    >>> bool((jnp.hypot(states.x - 3000.0, states.y) < 200.0).mean() > 0.4)
+    >>> bool((jnp.hypot(states.x - 3000.0, states.y) < 200.0).mean() > 0.8)
     True
     """
     sensor: ContactSensor = likelihood.sensor
@@ -70,7 +73,7 @@ def about_contacts(
     dtype = states.x.dtype
     heard = scan.there.sum()
     # Entries that are contacts come first.
-    source = jnp.floor(jax.random.uniform(for_source, (count,), dtype) * heard / (1 - EVERYWHERE)).astype(int)
+    source = jnp.floor(jax.random.uniform(for_source, (count,), dtype) * heard / (1 - ELSEWHERE)).astype(int)
     about = source < heard
     contact = scan.values[jnp.minimum(source, len(scan.values) - 1)]
     errors = jax.random.normal(for_error, (2, count), dtype)
@@ -90,7 +93,7 @@ def about_contacts(
     log_density = log_density + _log_jacobian(sensor, scan.pair, states) - jnp.log(jnp.maximum(heard, 1))
     low, high = birth.low, birth.high
     log_area = jnp.log((high.x - low.x) * (high.y - low.y))
-    share = jnp.where(heard > 0, EVERYWHERE, 1)
+    share = jnp.where(heard > 0, ELSEWHERE, 1)
     log_drawn = jnp.logaddexp(jnp.log(share), jnp.log1p(-share) + log_density + log_area)
     # An error may carry a draw out of the region, or a contact lie beyond it, where no target is looked for.
     inside = (states.x >= low.x) & (states.x <= high.x) & (states.y >= low.y) & (states.y <= high.y)

@@ -36,7 +36,6 @@ def in_contact_sets(contacts: Contacts, sensor: ContactSensor, pairs: Sequence[B
     >>> contacts = from_columns({"time_s": [5.0, 5.0, 6.0], "range_m": [900.0, 500.0, np.nan],
     ...                          "bearing_deg": [90.0, 0.0, np.nan]})
     >>> sensor = ContactSensor((10.0, 0.02), 0.9, 5.0, ((100.0, 9000.0), (-np.pi, np.pi)), ranged=True)
-    >>> still = jax.tree.map(lambda zero: jnp.zeros(2), Bistatic(*(jnp.zeros(()),) * 2))
     >>> from faintrack.targets.states import PlanarState
     >>> here = PlanarState(*(jnp.zeros(2),) * 4)
     >>> scans = in_contact_sets(contacts, sensor, [Bistatic(here, here)])

@@ -33,13 +33,15 @@ def build_sensor(table: ContactsSection) -> ContactSensor:
     assert distance is not None, "the section has delays or ranges"
     assert error is not None, "the section has delays or ranges"
     assert table.false_per_ping is not None, "filled in by `chosen`"
-    errors: tuple[float, ...] = (error, math.radians(table.bearing_std_deg))
+    errors = [error, math.radians(table.bearing_std_deg)]
     ends: tuple[tuple[float, float], ...] = (distance, (start, start + math.radians(width)))
     if table.doppler is not None and table.doppler_std is not None:
-        errors, ends = (*errors, table.doppler_std), (*ends, table.doppler)
-    return ContactSensor(
-        errors, table.detection_probability, table.false_per_ping, ends, table.range is not None, table.frequency or 0.0
+        errors, ends = [*errors, table.doppler_std], (*ends, table.doppler)
+    # As arrays: one compiled program serves all of their values.
+    *known, detection, false = (
+        jnp.asarray(value, float) for value in (*errors, table.detection_probability, table.false_per_ping)
     )
+    return ContactSensor(tuple(known), detection, false, ends, table.range is not None, table.frequency or 0.0)
 
 
 def build_pairs(scenario: ContactsScenario, contacts: Contacts) -> tuple[Bistatic, ...]:
