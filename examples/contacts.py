@@ -63,10 +63,9 @@ def followed(settings: dict[str, float], learnt: bool, seed: int, present: bool)
             continue
         number = int(np.argmin(deviations))
         # At the end it must still be the target's that it began with.
-        stays = track.end_s == (PINGS - 1) * INTERVAL and away[number][-1] < min(
-            NEAR_M, *np.delete(away, number, 0)[:, -1]
-        )
-        own[number].append((track.start_s, deviations[number], stays))
+        last = [float(each[-1]) for each in away]
+        stays = track.end_s == (PINGS - 1) * INTERVAL and last[number] == min(last) < NEAR_M
+        own[number].append((float(track.start_s), deviations[number], bool(stays)))
     return {
         "seed": seed,
         "found": sum(bool(each) for each in own),

@@ -125,8 +125,8 @@ class ContactParticlesSection(ParticlesSection):
     seed : of the random numbers.
     """
 
-    particles: int = Field(default=8000, ge=10, le=1_000_000)
-    births: int = Field(default=8000, ge=10, le=1_000_000)
+    particles: int = Field(default=16_000, ge=10, le=1_000_000)
+    births: int = Field(default=16_000, ge=10, le=1_000_000)
 
 
 class SimulationSection(Section):
