@@ -146,13 +146,13 @@ def test_newborn_stand_for_the_birth_density(of_ranges: bool) -> None:
         contact[0] = math.dist((1500.0, 400.0), RECEIVER)
     scan, likelihood = contact_set([contact], 2), ContactSetLikelihood(known)
     low, high = (PlanarState(*(jnp.array(sign * each) for each in (2600.0, 2500.0, 8.0, 8.0))) for sign in (-1, 1))
-    states, log_weights = about_contacts(likelihood, scan, UniformBirth(low, high), jax.random.key(0), 100_000)
+    states, log_weights = about_contacts(likelihood, scan, UniformBirth(low, high), jax.random.key(0), 30_000)
     weights = np.exp(np.asarray(log_weights, float))
     assert errors_apart(weights, 1.0) < STANDARD_ERRORS
     assert weights.max() <= 10.0 + 1e-3
     assert errors_apart(weights * np.asarray(states.x > 700.0), 1900 / 5200) < STANDARD_ERRORS
     ratio = np.exp(np.asarray(likelihood.log_ratio(scan, states), float))
-    x, y = (np.linspace(-side, side, 1001) for side in (2600.0, 2500.0))
+    x, y = (np.linspace(-side, side, 501) for side in (2600.0, 2500.0))
     east, north = np.meshgrid(x, y, indexing="ij")
     mesh = planar(np.stack([east.ravel(), north.ravel(), 0 * east.ravel(), 0 * east.ravel()], axis=-1))
     expected = float(np.exp(np.asarray(likelihood.log_ratio(scan, mesh), float)).mean())

@@ -156,6 +156,26 @@ def test_places_come_from_columns_names_or_the_section() -> None:
 
 
 @pytest.mark.slow
+def test_two_that_cross_keep_their_labels() -> None:
+    """They meet after 400 s; each track is at the end nearest to the target that it began with."""
+    targets = [{"x": -2000.0, "y": 1200.0, "vx": 5.0, "vy": 3.0}, {"x": -2000.0, "y": 3600.0, "vx": 5.0, "vy": -3.0}]
+    told = scenario(
+        tracker={"targets": 3},
+        filter={"particles": 8000, "births": 8000},
+        simulation={"pings": 40, "interval": 20.0, "targets": targets},
+    )
+    result = ft.track(ft.simulate(told), told)
+    assert len(result.tracks) == 2
+    known = kind_named("contacts").targets(told)
+    for track in result.tracks:
+        assert track.start_s < 300
+        assert track.end_s == 780
+        away = [np.hypot(*(track.mean[name] - each.at(track.time)[name] for name in "xy")) for each in known]
+        assert np.argmin([each[0] for each in away]) == np.argmin([each[-1] for each in away])
+        assert min(each[-1] for each in away) < 150
+
+
+@pytest.mark.slow
 def test_two_receivers_report_together() -> None:
     """Delays of one source, Doppler too; each receiver detects half of the time."""
     content: dict[str, Any] = scenario().model_dump(exclude_none=True)
