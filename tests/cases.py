@@ -36,6 +36,7 @@ from faintrack.likelihoods.cells import (
     swerling1,
 )
 from faintrack.likelihoods.clutter import ClutterLikelihood
+from faintrack.likelihoods.contact_sets import ContactSetLikelihood, ContactsOfPairsLikelihood
 from faintrack.likelihoods.contacts import BearingContact, Contact, GaussianContact, RangeDetection, Together
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
@@ -55,6 +56,7 @@ from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.sensors.cells import Cells, CellScan
+from faintrack.sensors.contact_sets import ContactSensor, ContactSet, ContactsOfPairs
 from faintrack.sensors.multistatic import Pings
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.sensors.superposed import SensorNetwork, inverse_square, picture
@@ -291,9 +293,44 @@ def observers_case(dtype: type) -> Case:
     return Case(likelihood, scan, row(PlanarState, dtype, *HEARD))
 
 
-def nobody(scan: ObserverSets) -> ObserverSets:
-    """No observer reported."""
+def nobody(scan: Any) -> Any:
+    """No observer, or pair, reported."""
     return dataclasses.replace(scan, heard=jnp.zeros_like(scan.heard))
+
+
+# Sets of contacts
+
+
+ECHOES = ContactSensor((0.3, 0.4, 4.0), 0.3, 3.0, ((0.5, 3.0), (-1.5, 2.5), (-20.0, 30.0)), frequency=2000.0)
+"""Errors so wide that ratios have a low variance."""
+
+ECHOING = (1200.0, 100.0, -6.0, 2.0), (300.0, 900.0, 3.0, -5.0), (1900.0, 800.0, 0.0, 0.0), (-900.0, 0.0, 9.0, 0.0)
+"""In the middle of what is reported, near an edge of delay, at one of them, and outside the sector."""
+
+
+def contact_set(dtype: type, count: int = 20) -> ContactSet:
+    platforms = (corner(PlanarState, dtype, *values, 0.0, 0.0) for values in ((0.0, 0.0), (300.0, -200.0)))
+    return ContactSet(jnp.zeros((), dtype), jnp.zeros((count, 3), dtype), jnp.zeros(count, bool), Bistatic(*platforms))
+
+
+def contacts_masked(scan: ContactSet) -> ContactSet:
+    """Entries that are no contacts hold one."""
+    return dataclasses.replace(scan, values=jnp.where(scan.there[:, None], scan.values, 1.3))
+
+
+def contact_set_case(dtype: type) -> Case:
+    return Case(ContactSetLikelihood(ECHOES), contact_set(dtype), row(PlanarState, dtype, *ECHOING), MANY)
+
+
+def contacts_of_pairs_case(dtype: type) -> Case:
+    """Ranges without Doppler, all around, of two pairs."""
+    sensor = ContactSensor((400.0, 0.5), 0.3, 3.0, ((200.0, 3000.0), (-math.pi, math.pi)), ranged=True)
+    one = contact_set(dtype)
+    one = dataclasses.replace(one, values=one.values[:, :2])
+    sets = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), one)
+    scan = ContactsOfPairs(jnp.zeros((), dtype), sets, jnp.array([True, True]))
+    likelihood = ContactsOfPairsLikelihood(ContactSetLikelihood(sensor))
+    return Case(likelihood, scan, row(PlanarState, dtype, *ECHOING), MANY)
 
 
 # Contacts
@@ -350,6 +387,8 @@ LIKELIHOODS: dict[str, Callable[[type], Case]] = {
     "observers": observers_case,
     "position": lambda dtype: contact_case(position(dtype), dtype, np.zeros(2)),
     "bearing": lambda dtype: contact_case(BearingContact((70.0, 0.0), 0.9), dtype),
+    "contact sets": contact_set_case,
+    "contacts of pairs": contacts_of_pairs_case,
     "detection": lambda dtype: contact_case(detection(), dtype, False),
     "together": lambda dtype: contact_case(
         Together((BearingContact((70.0, 0.0), 0.9), detection())), dtype, scan=(contact(dtype), contact(dtype))
@@ -382,6 +421,7 @@ QUIET: dict[str, Callable[[Any], Any]] = {
     "beam energies": silent,
     "beam energies, sources elsewhere": silent,
     "observers": nobody,
+    "contacts of pairs": nobody,
 }
 """What makes of a scan one in which nothing was measured; of other sensors silence is a measurement."""
 
@@ -390,6 +430,7 @@ MASKED: dict[str, Callable[[Any], Any]] = {
     "beam energies, sources elsewhere": energies_masked,
     "exceedances": returns_masked,
     "bearing sets": bearings_masked,
+    "contact sets": contacts_masked,
 }
 """What puts something else where a scan holds nothing."""
 

@@ -1,13 +1,18 @@
 """What is told of pings without a track: nothing where they are the background's, and in which way they are not."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from faintrack.beliefs.axis import Axis
-from faintrack.kinds.returns.fit import RANKS, Fit, FitOfPings, about_bins, fit_of
+from faintrack.data.returns import from_columns
+from faintrack.kinds.returns.fit import RANKS, Fit, FitOfPings, about_bins, about_contacts, fit_of
 from faintrack.sensors.active import ActiveSonar, Pulse, ping
+from faintrack.signal.lone_returns import neighbours
+from faintrack.signal.pings import in_bins
 
 THRESHOLD, BINS, PINGS = 6.0, 64_000, 20
 EXPECTED = BINS * np.exp(-THRESHOLD)
@@ -69,3 +74,25 @@ def test_bins_that_are_left_out_are_told() -> None:
     (sentence,) = about_bins((3, 1, 2), True)
     assert "one of every 3 in delay and 2 in Doppler is read (background.every)" in sentence
     assert about_bins((3, 1, 1), False) == ()
+
+
+@pytest.mark.parametrize("clustered", [True, False])
+def test_contacts_that_were_told_as_returns_are_recognised(clustered: bool) -> None:
+    """Echoes of 30 dB in bins of half their width: one return each, or with those beside it."""
+    sonar = ActiveSonar(Pulse(2000.0, 1.0, 10.0), Axis(2.0, 0.05, 200), 24, math.radians(12), None)
+    offsets = [0.0] if clustered else [0.0, 0.05]
+    delay = np.add.outer(3.0 + 0.1 * np.arange(40), offsets)
+    columns = {
+        "time_s": np.repeat(60.0 * np.arange(40), len(offsets)),
+        "delay_s": delay.ravel(),
+        "bearing_deg": np.full(delay.size, 90.0),
+        "snr_db": np.full(delay.size, 30.0),
+    }
+    loud = neighbours(in_bins(from_columns(columns), sonar, THRESHOLD), THRESHOLD)
+    # h is 0.4 half a width off: both bins beside fall below 6 with the probability 0.015 squared.
+    assert loud.returns == delay.size
+    assert loud.expected == pytest.approx(delay.size, rel=1e-3)
+    assert loud.found == (0 if clustered else delay.size)
+    said = about_contacts(loud)
+    assert bool(said) == clustered
+    assert not clustered or "a scenario with [contacts]" in said[0]

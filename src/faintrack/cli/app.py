@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from faintrack.cli import archive, commands, live, study
+from faintrack.cli import archive, commands, lines, live, study
 
 app = typer.Typer(
     name="faintrack",
@@ -20,6 +20,8 @@ for command in (
     commands.explain,
     commands.track,
     live.live,
+    lines.lofar,
+    lines.demon,
     commands.report,
     commands.export,
     commands.simulate,

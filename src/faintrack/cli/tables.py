@@ -11,9 +11,11 @@ from faintrack.archive.cut import stamped
 from faintrack.kinds.explain import Explanation
 from faintrack.results.compare import Comparison
 from faintrack.results.compare_report import comparison_facts, comparison_tables
+from faintrack.results.lofargrams import HEADINGS, line_rows
 from faintrack.results.report import track_headings, track_rows
 from faintrack.results.result import Result
 from faintrack.results.truth import finding_table, unexplained
+from faintrack.signal.lofar import Lofargram
 
 if TYPE_CHECKING:
     from faintrack.archive.plan import ArchivePlan
@@ -43,6 +45,17 @@ def print_result(result: Result, said: Sequence[str] = ()) -> None:
     print(
         f"{len(result.tracks)} tracks in {summary['scans']} scans{''.join(counts)}; "
         f"{summary['seconds']:.1f} s, {summary['realtime_factor']:.0f} times real time"
+    )
+
+
+def print_lines(record: Lofargram) -> None:
+    """Lines of a spectrum, with the series that they belong to."""
+    step = float(record.frequency[1] - record.frequency[0])
+    if record.lines:
+        _print(HEADINGS, line_rows(record.lines))
+    print(
+        f"{len(record.lines)} lines above {record.threshold_db:.2g} dB; {len(record.times)} rows of "
+        f"{len(record.frequency)} bins of {step:.4g} Hz"
     )
 
 

@@ -13,19 +13,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from faintrack.data.tables import require_columns, table
-from faintrack.errors import InputError
+from faintrack.data.ping_tables import (
+    DOPPLER,
+    PLACED,
+    needed_of_platforms,
+    ping_columns,
+    ping_table,
+    taken,
+)
+from faintrack.data.tables import require_columns
 
 MEASURED = ("delay_s", "bearing_deg", "snr_db")
-DOPPLER = "doppler_hz"
-PLATFORMS = {name: (f"{name}_x_m", f"{name}_y_m", f"{name}_vx", f"{name}_vy") for name in ("source", "receiver")}
-"""Columns of what moves."""
-LABELS = tuple(PLATFORMS)
-"""Columns that name source and receiver, where there are several."""
-COLUMNS = ("time_s", *MEASURED, DOPPLER, *PLATFORMS["source"], *PLATFORMS["receiver"], *LABELS)
-
-MOST_PAIRS = 64
-"""Pairs of a source and a receiver at most."""
+COLUMNS = ("time_s", *MEASURED, DOPPLER, *PLACED)
 
 LOUDEST_DB = 100.0
 """Of a return: beyond it single precision adds up the logarithms of a ping no better than to a tenth."""
@@ -83,22 +82,20 @@ class Returns:
         """Returns of one pair in all pings; platforms of a ping in which it did not report are where they last were."""
         assert self.pair is not None
         assert self.reported is not None
-        mine, there = self.pair == number, np.flatnonzero(self.reported[:, number])
+        there = np.flatnonzero(self.reported[:, number])
         last = there[np.maximum(np.searchsorted(there, np.arange(self.length), "right") - 1, 0)]
-        return replace(
-            self,
-            ping=self.ping[mine],
-            delay=self.delay[mine],
-            bearing=self.bearing[mine],
-            power=self.power[mine],
-            doppler=None if self.doppler is None else self.doppler[mine],
+        return self.taken(
+            self.pair == number,
             source=None if self.source is None else self.source[last, number],
             receiver=None if self.receiver is None else self.receiver[last, number],
-            rows=self.rows[mine],
             pairs=(),
             pair=None,
             reported=None,
         )
+
+    def taken(self, which: np.ndarray, **changes: Any) -> "Returns":
+        """Some of the returns, by a mask or their numbers, with changes of other fields."""
+        return taken(self, ("ping", "delay", "bearing", "power", "doppler", "rows", "pair"), which, **changes)
 
 
 def from_columns(
@@ -133,102 +130,25 @@ def from_columns(
     [90.0, 0.0]
     """
     require_names(list(columns), origin)
-    numbers = {name: column for name, column in columns.items() if name not in LABELS}
-    read = table(numbers, rows, origin, "ping", "return")
-    values, rows, refuse, time = read.values, read.rows, read.refuse, read.values["time_s"]
-    first = read.first
-    ping = np.cumsum(first) - 1
-    named = {name: _labels(columns[name], name, len(time), rows, origin) for name in LABELS if name in columns}
-    pairs, pair = _pairs(named, len(time), origin)
-    _, firsts, group, size = np.unique(
-        ping * len(pairs) + pair, return_index=True, return_inverse=True, return_counts=True
-    )
-
-    measured = [name for name in (*MEASURED, DOPPLER) if name in values]
-    empty = np.all([np.isnan(values[name]) for name in measured], axis=0)
-    for name in measured:
-        refuse(~np.isfinite(values[name]) & ~empty, name, "a number, or a row with its time alone")
-    crowded = empty & (size[group] > 1)
-    if crowded.any():
-        row = int(np.argmax(crowded))
-        raise InputError(
-            f"{origin}, row {rows[row]}: a row with its time alone, {time[row]:.10g} s, in a ping of several rows; "
-            "expected delay_s and the others in each of them."
-        )
-    bearing, snr_db = values["bearing_deg"], values["snr_db"]
-    refuse((bearing < -180) | (bearing > 360), "bearing_deg", "-180 to 360 degrees, clockwise from north")
-    refuse(snr_db > LOUDEST_DB, "snr_db", f"at most {LOUDEST_DB:g} dB")
-
-    of = " of a pair" if named else ""
-    platforms: dict[str, np.ndarray | None] = dict.fromkeys(PLATFORMS)
-    for platform, names in PLATFORMS.items():
-        if names[0] in values:
-            placed = np.full((ping[-1] + 1, len(pairs), len(names)), np.nan)
-            for number, name in enumerate(names):
-                refuse(~np.isfinite(values[name]), name, "a number in every row")
-                refuse(values[name] != values[name][firsts][group], name, f"the same in all rows{of} of a ping")
-                placed[ping, pair, number] = values[name]
-            platforms[platform] = placed if named else placed[:, 0]
-    there = ~empty
-    reported = np.zeros((ping[-1] + 1, len(pairs)), bool)
-    reported[ping, pair] = True
+    pings = ping_table(columns, rows, origin, (*MEASURED, DOPPLER), "return")
+    values, there = pings.read.values, pings.there
+    snr_db = values["snr_db"]
+    pings.read.refuse(snr_db > LOUDEST_DB, "snr_db", f"at most {LOUDEST_DB:g} dB")
     return Returns(
-        time[first],
-        ping[there],
+        pings.times,
+        pings.ping,
         values["delay_s"][there],
-        np.radians(90 - bearing[there]),
+        np.radians(90 - values["bearing_deg"][there]),
         10 ** (snr_db[there] / 10),
         values[DOPPLER][there] if DOPPLER in values else None,
-        platforms["source"],
-        platforms["receiver"],
-        rows[there],
+        pings.source,
+        pings.receiver,
+        pings.read.rows[there],
         origin,
-        pairs=pairs if named else (),
-        pair=pair[there] if named else None,
-        reported=reported if named else None,
+        pairs=pings.pairs,
+        pair=pings.pair,
+        reported=pings.reported,
     )
-
-
-def _labels(column: Any, name: str, count: int, rows: np.ndarray, origin: str) -> np.ndarray:
-    """Names or numbers as text.
-
-    Raises
-    ------
-    InputError : there is none in a row, or the column has another length.
-    """
-    values = np.asarray(column)
-    if values.shape != (count,):
-        raise InputError(f"{origin}: {name} has shape {values.shape}; expected ({count},), a row each as time_s.")
-    if values.dtype.kind in "biuf":
-        text = np.array(["" if np.isnan(value) else f"{value:g}" for value in values.astype(float)], dtype=str)
-    else:
-        text = np.array([str(value).strip() for value in values], dtype=str)
-    if (text == "").any():
-        row = rows[int(np.argmax(text == ""))]
-        raise InputError(
-            f"{origin}, row {row}: {name} is missing; expected the name or number of the {name} in every row."
-        )
-    return text
-
-
-def _pairs(
-    named: Mapping[str, np.ndarray], count: int, origin: str
-) -> tuple[tuple[tuple[str, str], ...], Int[np.ndarray, " row"]]:
-    """Pairs of a source and a receiver, in the order of their labels, and that of every row."""
-    if not named:
-        return (("", ""),), np.zeros(count, int)
-    found: list[np.ndarray] = []
-    codes: list[np.ndarray] = []
-    for name in LABELS:
-        labels, code = np.unique(named.get(name, np.full(count, "")), return_inverse=True)
-        found.append(labels)
-        codes.append(code)
-    both, pair = np.unique(codes[0] * len(found[1]) + codes[1], return_inverse=True)
-    if len(both) > MOST_PAIRS:
-        raise InputError(
-            f"{origin}: there are {len(both)} pairs of a source and a receiver; expected at most {MOST_PAIRS}."
-        )
-    return tuple((str(found[0][each // len(found[1])]), str(found[1][each % len(found[1])])) for each in both), pair
 
 
 def together(parts: Mapping[tuple[str, str], Returns]) -> Returns:
@@ -286,43 +206,16 @@ def to_columns(returns: Returns) -> dict[str, np.ndarray]:
     >>> to_columns(from_columns(columns))["bearing_deg"].tolist()
     [nan, 270.0]
     """
-    # A ping, or a pair in it, without a return has a row of its own.
-    pair = np.zeros(len(returns.ping), int) if returns.pair is None else returns.pair
-    reported = np.ones((returns.length, 1), bool) if returns.reported is None else returns.reported
-    count = np.zeros(reported.shape, int)
-    np.add.at(count, (returns.ping, pair), 1)
-    silent = np.argwhere(reported & (count == 0))
-    ping = np.concatenate([returns.ping, silent[:, 0]])
-    pair = np.concatenate([pair, silent[:, 1]])
-    order = np.argsort(ping, kind="stable")
-    ping, pair = ping[order], pair[order]
-
-    def spread(values: np.ndarray) -> np.ndarray:
-        return np.concatenate([values, np.full(len(silent), np.nan)])[order]
-
-    columns: dict[str, np.ndarray] = {
-        "time_s": returns.times[ping],
-        "delay_s": spread(returns.delay),
-        "bearing_deg": spread((90 - np.degrees(returns.bearing)) % 360),
-        "snr_db": spread(10 * np.log10(returns.power)),
+    measured = {
+        "delay_s": returns.delay,
+        "bearing_deg": (90 - np.degrees(returns.bearing)) % 360,
+        "snr_db": 10 * np.log10(returns.power),
     }
     if returns.doppler is not None:
-        columns[DOPPLER] = spread(returns.doppler)
-    for platform, names in PLATFORMS.items():
-        placed = getattr(returns, platform)
-        if placed is not None:
-            at = placed[ping, pair] if returns.pairs else placed[ping]
-            columns |= dict(zip(names, at.T, strict=True))
-    for number, name in enumerate(LABELS):
-        labels = np.array([labels[number] for labels in returns.pairs], dtype=str)
-        if (labels != "").any():
-            columns[name] = labels[pair]
-    return columns
+        measured[DOPPLER] = returns.doppler
+    return ping_columns(returns, measured)
 
 
 def require_names(names: Sequence[str], origin: str) -> None:
     """Refuse names of columns that are not those of returns, see `faintrack.data.tables.require_columns`."""
-    needed = ["time_s", *MEASURED]
-    for platform in PLATFORMS.values():
-        needed += platform if any(name in names for name in platform) else ()
-    require_columns(names, needed, COLUMNS, origin)
+    require_columns(names, ("time_s", *MEASURED, *needed_of_platforms(names)), COLUMNS, origin)

@@ -20,7 +20,8 @@ with one axis, `return`, and a missing value is not a number.
 from dataclasses import replace
 from pathlib import Path
 
-from faintrack.data.returns import LABELS, Returns, from_columns, require_names, to_columns
+from faintrack.data.ping_tables import LABELS
+from faintrack.data.returns import Returns, from_columns, require_names, to_columns
 from faintrack.io.checks import explained
 from faintrack.io.columns import read_table, without_repeats, write_table
 

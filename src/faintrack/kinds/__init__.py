@@ -18,6 +18,7 @@ KINDS = {
     "returns": "faintrack.kinds.returns",
     "bearings": "faintrack.kinds.bearings",
     "records": "faintrack.kinds.records",
+    "contacts": "faintrack.kinds.contacts",
     "sweeps": "faintrack.kinds.sweeps",
 }
 """Name of each kind, and the module whose `KIND` it is."""

@@ -1,15 +1,20 @@
 """Stretches of data: what was recorded between two times, seconds from the first scan."""
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from faintrack.data.bearings import Bearings
+from faintrack.data.contacts import Contacts
 from faintrack.data.recording import Recording
 from faintrack.data.returns import Returns
 from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
+
+Measured = TypeVar("Measured", Returns, Contacts)
+"""What was measured in pings."""
 
 
 def part_of(times: Float[np.ndarray, " scan"], start: float, stop: float, source: str) -> slice:
@@ -89,22 +94,16 @@ def of_sequence(sequence: Sequence, start: float, stop: float) -> Sequence:
     )
 
 
-def of_returns(returns: Returns, start: float, stop: float) -> Returns:
-    """Pings between two times; see `part_of`."""
+def of_returns(returns: Measured, start: float, stop: float) -> Measured:
+    """Pings between two times, of returns or contacts; see `part_of`."""
     part = part_of(returns.times, start, stop, returns.origin)
     mine = (returns.ping >= part.start) & (returns.ping < part.stop)
-    return replace(
-        returns,
+    return returns.taken(
+        mine,
         times=returns.times[part],
         ping=returns.ping[mine] - part.start,
-        delay=returns.delay[mine],
-        bearing=returns.bearing[mine],
-        power=returns.power[mine],
-        doppler=None if returns.doppler is None else returns.doppler[mine],
         source=None if returns.source is None else returns.source[part],
         receiver=None if returns.receiver is None else returns.receiver[part],
-        rows=returns.rows[mine],
-        pair=None if returns.pair is None else returns.pair[mine],
         reported=None if returns.reported is None else returns.reported[part],
         origin=f"{returns.origin} from {start:g} to {stop:g} s",
     )

@@ -13,15 +13,20 @@ Where these matter, a stretch that is known to be quiet says more (`faintrack.ki
 """
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Int
 
 from faintrack.data.bearings import Bearings
+from faintrack.data.contacts import Contacts
 from faintrack.data.recording import Recording
 from faintrack.data.returns import Returns
 from faintrack.data.sequence import Sequence
 from faintrack.errors import InputError
+
+Measured = TypeVar("Measured", Returns, Contacts)
+"""What was measured in pings."""
 
 
 def shifted_apart(recording: Recording, apart: float, seed: int) -> Recording:
@@ -100,8 +105,8 @@ def order_of(length: int, seed: int) -> Int[np.ndarray, " scan"]:
     return np.random.default_rng(seed).permutation(length)
 
 
-def exchanged(returns: Returns, seed: int) -> Returns:
-    """Returns that arrived in other pings, all of a ping together; pings and platforms stay as they are.
+def exchanged(returns: Measured, seed: int) -> Measured:
+    """Returns or contacts that arrived in other pings, all of a ping together; pings and platforms stay as they are.
 
     Examples
     --------
@@ -117,17 +122,7 @@ def exchanged(returns: Returns, seed: int) -> Returns:
         moved = _among_reported(returns.ping, returns.pair, returns.reported, seed)
         order = np.argsort(moved, kind="stable")
         ping = moved[order]
-    return replace(
-        returns,
-        ping=ping,
-        delay=returns.delay[order],
-        bearing=returns.bearing[order],
-        power=returns.power[order],
-        doppler=None if returns.doppler is None else returns.doppler[order],
-        rows=returns.rows[order],
-        pair=None if returns.pair is None else returns.pair[order],
-        origin=f"{returns.origin}, pings exchanged",
-    )
+    return returns.taken(order, ping=ping, origin=f"{returns.origin}, pings exchanged")
 
 
 def _among_reported(

@@ -203,6 +203,20 @@ def split_window(
     >>> split_window(np.array([1.0, 1.0, 9.0, 3.0, 3.0]), guard=0, window=2).round(3).tolist()
     [0.2, 0.231, 4.5, 0.692, 0.5]
     """
+    total, cells = split_sums(power, guard, window)
+    return power * cells / np.maximum(total, np.finfo(float).tiny)
+
+
+def split_sums(
+    power: Float[np.ndarray, "*beams delay"], guard: int, window: int
+) -> tuple[Float[np.ndarray, "*beams delay"], Float[np.ndarray, " delay"]]:
+    """Sums of a split window, as of `split_window`, and over how many cells each is.
+
+    Examples
+    --------
+    >>> [part.tolist() for part in split_sums(np.array([1.0, 1.0, 9.0, 3.0, 3.0]), guard=0, window=2)]
+    [[10.0, 13.0, 8.0, 13.0, 12.0], [2.0, 3.0, 4.0, 3.0, 2.0]]
+    """
     count = power.shape[-1]
     sums = np.concatenate([np.zeros((*power.shape[:-1], 1)), np.cumsum(power, axis=-1)], axis=-1)
     cell = np.arange(count)
@@ -211,4 +225,4 @@ def split_window(
     for first, last in ends:
         first, last = np.clip(first, 0, count), np.clip(last, 0, count)
         total, cells = total + sums[..., last] - sums[..., first], cells + last - first
-    return power * cells / np.maximum(total, np.finfo(float).tiny)
+    return total, cells

@@ -16,7 +16,8 @@ from faintrack.kinds.rooms import room
 def _holds(paths: tuple[Path, ...]) -> bool:
     from faintrack.io.columns import column_names
 
-    return len(paths) == 1 and "delay_s" in column_names(paths[0])
+    # Contacts have a delay, too, and need no level.
+    return len(paths) == 1 and {"delay_s", "snr_db"} <= column_names(paths[0])
 
 
 def _takes(paths: tuple[Path, ...]) -> bool:

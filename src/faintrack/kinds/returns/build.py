@@ -10,7 +10,8 @@ import numpy as np
 
 from faintrack.beliefs.axis import Axis, between
 from faintrack.beliefs.grids import Grid
-from faintrack.data.returns import PLATFORMS, Returns
+from faintrack.data.ping_tables import PLATFORMS
+from faintrack.data.returns import Returns
 from faintrack.errors import InputError
 from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import LONGEST, POINTS, separable, separable_unevenly

@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from faintrack.kinds.returns.build import PairReturns
 from faintrack.sensors.active import Ping
 from faintrack.sensors.multistatic import Pings
+from faintrack.signal.lone_returns import Neighbours, neighbours
 
 RANKS = 10
 """In which the excess of returns is told."""
@@ -24,6 +25,9 @@ OFF = 0.25
 
 DEVIATIONS = 5.0
 """Standard deviations that chance is allowed."""
+
+FEWEST, LONE = 20, 0.2
+"""Loud returns that tell anything; share of the neighbours expected of them below which they look like contacts."""
 
 
 class Fit(NamedTuple):
@@ -179,8 +183,28 @@ class FitOfPairs:
 
 
 def about_pairs(parts: Sequence[PairReturns], recognised: bool) -> tuple[str, ...]:
-    """That bins of pairs are not all read; one sentence each."""
-    return tuple(_of_pair(part, remark) for part in parts for remark in about_bins(part.every, recognised))
+    """That bins of pairs are not all read, or look like contacts; one sentence each."""
+    return tuple(
+        _of_pair(part, remark)
+        for part in parts
+        for remark in (*about_bins(part.every, recognised), *about_contacts(neighbours(part.binned, part.threshold)))
+    )
+
+
+def about_contacts(loud: Neighbours) -> tuple[str, ...]:
+    """That loud returns have no neighbours, as contacts have none; one sentence.
+
+    Examples
+    --------
+    >>> about_contacts(Neighbours(50, 45.0, 40))
+    ()
+    """
+    if loud.returns < FEWEST or loud.found >= LONE * loud.expected:
+        return ()
+    return (
+        f"Of {loud.returns} loud returns {loud.found} have a neighbour, {loud.expected:.3g} expected: they look like "
+        "contacts, one an echo, and speak against targets as bins; expected all bins, or a scenario with [contacts].",
+    )
 
 
 def _of_pair(part: PairReturns, remark: str) -> str:

@@ -7,7 +7,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool
 
-from faintrack.data.returns import LABELS, Returns
+from faintrack.data.ping_tables import LABELS
+from faintrack.data.returns import Returns
 from faintrack.errors import InputError
 from faintrack.kinds.returns.sections import ReturnsScenario, SonarSection
 from faintrack.results.result import Result
