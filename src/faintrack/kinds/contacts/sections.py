@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from faintrack.kinds.scenario import Scenario
+from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.moving import PlanarTargets
 from faintrack.scenario.section import Pair, Section
 from faintrack.scenario.sections import ManySection, ParticlesSection, TargetSection
@@ -156,6 +157,7 @@ class ContactsScenario(Scenario):
     target: EchoingSection = EchoingSection()
     filter: ContactParticlesSection = ContactParticlesSection()
     tracker: ManySection = ManySection()
+    alarm: Alarms | None = None
     simulation: SimulationSection | None = None
 
     @model_validator(mode="before")
