@@ -26,9 +26,6 @@ speed = 8.0
 particles = 2000
 births = 2000
 
-[tracker]
-targets = 1
-
 [simulation]
 pings = 24
 interval = 30.0
