@@ -15,7 +15,7 @@ from faintrack.targets.motion import (
     BearingMotion,
     Noise,
     PlanarMotion,
-    WaveMotion,
+    WalkingMotion,
     piecewise_acceleration,
     white_acceleration,
 )
@@ -154,7 +154,7 @@ MOTIONS = {
     "line, reflected at its end": (BearingMotion(0.1, 0.5), BearingState(*jnp.array([[0.1], [-0.3], [-10.0]]))),
     "circle, wrapped": (BearingMotion(0.1, 0.5, circular=True), BearingState(*jnp.array([[-3.1], [-0.3], [-10.0]]))),
     "above the horizon": (
-        WaveMotion(BearingMotion(0.1, 0.5, circular=True), 0.1, 0.0, 1.2),
+        WalkingMotion(BearingMotion(0.1, 0.5, circular=True), "elevation", 0.1, 0.0, 1.2),
         WaveState(*jnp.array([[-3.1], [-0.3], [-10.0], [0.1]])),
     ),
     "plane": (PlanarMotion(0.4), PlanarState(*jnp.array([[1.0], [2.0], [-1.0], [0.5]]))),

@@ -1,10 +1,9 @@
 r"""Samples of an array: moving sources in noise, a block at a time.
 
-Each source sends white Gaussian noise of variance :math:`a \sigma^2`, with a its signal to noise ratio and
-:math:`\sigma^2` the
-variance of the noise in a channel (bosser2022, eq. 9 and 21). The waveform reaches each channel delayed by
-`SensorArray.delays` at the bearing of the moment: segments are delayed in the frequency domain (eq. 13-15) and faded
-into each other
+Each source sends white Gaussian noise, or a sine, of variance :math:`a \sigma^2`, with a its signal to noise ratio and
+:math:`\sigma^2` the variance of the noise in a channel (bosser2022, eq. 9 and 21). The waveform reaches each channel
+delayed by `SensorArray.delays` at the bearing of the moment: segments are delayed in the frequency domain (eq. 13-15)
+and faded into each other
 with Hann windows, which sum to one. Blocks depend on seed and place alone, so memory does not grow with the duration.
 """
 
@@ -35,6 +34,7 @@ class Source:
     bearing_rate : radians a second.
     start, end : seconds from the start of the recording.
     elevation : above the horizon; radians. A line array hears level waves only.
+    tone : frequency of its sine, Hz; white noise where None.
     """
 
     snr_db: float
@@ -43,6 +43,7 @@ class Source:
     start: float = 0.0
     end: float = math.inf
     elevation: float = 0.0
+    tone: float | None = None
 
     def bearing_at(self, time: np.ndarray | float) -> np.ndarray:
         """Bearing at given times, in radians, not wrapped."""
@@ -100,6 +101,9 @@ def draw_samples(
         time = (number * hop + np.arange(hop)) / sample_rate
         heard = (time >= source.start) & (time < source.end)
         amplitude = math.sqrt(noise_power * 10 ** (source.snr_db / 10))
+        if source.tone is not None:
+            phase = 2 * math.pi * np.random.default_rng([seed, 1 + index]).random()
+            return amplitude * heard * math.sqrt(2) * np.cos(2 * math.pi * source.tone * time + phase)
         return amplitude * heard * chunk(1 + index, number, 1)[:, 0]
 
     def segment(number: int) -> np.ndarray:

@@ -23,7 +23,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from faintrack.beliefs.components import rates
 from faintrack.numerics.draws import normal
-from faintrack.targets.states import BearingState, WaveState
+from faintrack.targets.states import BearingState, ToneState, WaveState
 
 Scalar = Float[Array, ""] | float
 Noise = Callable[[Scalar], tuple[Scalar, Scalar, Scalar]]
@@ -116,28 +116,31 @@ class BearingMotion(eqx.Module):
         return jnp.where(mirrored, 2 * jnp.pi - turn, turn), jnp.where(mirrored, -rate, rate)
 
 
-class WaveMotion(eqx.Module):
-    """Motion of a direction above the horizon: the elevation walks at random, whatever the bearing does.
+class WalkingMotion(eqx.Module):
+    """Motion of a direction with one component more, which walks at random whatever the bearing does.
 
     Attributes
     ----------
     level : motion of the bearing and of the SNR.
-    elevation_noise : random walk of the elevation; radians per root second.
-    low, high : where it is reflected; radians.
+    component : name of the one more, "elevation" or "frequency".
+    walk : its random walk; its unit per root second.
+    low, high : where it is reflected.
     """
 
     level: BearingMotion
-    elevation_noise: Scalar
+    component: str = eqx.field(static=True)
+    walk: Scalar
     low: Scalar
     high: Scalar
 
-    def move(self, states: WaveState, interval: Scalar, key: PRNGKeyArray) -> WaveState:
+    def move(self, states: WaveState | ToneState, interval: Scalar, key: PRNGKeyArray) -> WaveState | ToneState:
         """Draw the states after `interval` seconds."""
-        for_level, for_elevation = jax.random.split(key)
+        for_level, for_walk = jax.random.split(key)
         moved = self.level.move(BearingState(states.bearing, states.bearing_rate, states.snr_db), interval, for_level)
-        draws = normal(for_elevation, states.elevation.shape, states.elevation.dtype)
-        elevation = states.elevation + self.elevation_noise * jnp.sqrt(interval) * draws
-        return WaveState(moved.bearing, moved.bearing_rate, moved.snr_db, _reflected(elevation, self.low, self.high))
+        before = getattr(states, self.component)
+        after = before + self.walk * jnp.sqrt(interval) * normal(for_walk, before.shape, before.dtype)
+        values = {**vars(moved), self.component: _reflected(after, self.low, self.high)}
+        return dataclasses.replace(states, **values)
 
 
 def _reflected(values: Float[Array, "*points"], low: Scalar, high: Scalar) -> Float[Array, "*points"]:

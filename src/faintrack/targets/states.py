@@ -70,6 +70,25 @@ class WaveState(eqx.Module):
     rates: ClassVar[dict[str, str]] = {"bearing": "bearing_rate"}
 
 
+class ToneState(eqx.Module):
+    """A direction of arrival, and the frequency of a tone that is heard from there.
+
+    Attributes
+    ----------
+    bearing : radians.
+    bearing_rate : radians a second.
+    snr_db : power of the tone over that of the noise in a band of 1 Hz around it, at one channel; dB.
+    frequency : Hz.
+    """
+
+    bearing: Float[Array, "..."]
+    bearing_rate: Float[Array, "..."]
+    snr_db: Float[Array, "..."]
+    frequency: Float[Array, "..."]
+    angles: ClassVar[tuple[str, ...]] = ("bearing",)
+    rates: ClassVar[dict[str, str]] = {"bearing": "bearing_rate"}
+
+
 Direction = BearingState | SidedState | WaveState
 """What an array tells of a source."""
 

@@ -17,13 +17,16 @@ from faintrack.kinds.recording.sections import RecordingScenario, SourceTargetSe
 from faintrack.kinds.several import Tracker, build_several
 from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.unknown_noise import UnknownNoise
+from faintrack.likelihoods.unknown_tone import UnknownTone
 from faintrack.likelihoods.white_signal import WhiteSignal
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, lobe_width
+from faintrack.sensors.tones import PEAK, ToneGrid
 from faintrack.signal.array_background import ArrayBackground, array_background
 from faintrack.signal.beamformer import Beamformer
-from faintrack.targets.motion import BearingMotion, WaveMotion
-from faintrack.targets.states import BearingState, SidedState, WaveState
+from faintrack.signal.tones import ToneAnalysis
+from faintrack.targets.motion import BearingMotion, WalkingMotion
+from faintrack.targets.states import BearingState, SidedState, ToneState, WaveState
 from faintrack.targets.target import Target, UniformBirth
 from faintrack.targets.turning import SidedMotion
 from faintrack.trackers.many import ManyTargetsTracker
@@ -33,6 +36,12 @@ FAINTEST = 0.02
 
 CALIBRATION_FRAMES = 2000
 """Frames of noise from which the baseline's thresholds are found."""
+
+PARTICLES = {"particles": 4000, "births": 8000}
+"""Of tones, where nothing is said of them: thousands of bins in tens of beams hold one or none."""
+
+TONES_DB = 80.0
+"""From the faintest tone by default to the loudest; dB."""
 
 LOUDEST_DB = 20.0
 """Largest SNR of a target by default; dB."""
@@ -70,6 +79,64 @@ def build_tracker(
         likelihood = lobe_width_likelihood(plan.grid, width, table.exponent)
     particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
     return build_several(particles, likelihood, scenario.tracker, scenario.analysis.frame, scenario.filter.guided)
+
+
+def build_tones(scenario: RecordingScenario, array: SensorArray, plan: ToneAnalysis) -> Tracker:
+    """Tracker of a scenario that looks for tones.
+
+    Parameters
+    ----------
+    scenario : what to run.
+    array : whose recording it is.
+    plan : how its samples become scans.
+
+    Raises
+    ------
+    InputError : the array is a line that turns: the two sides of tones are not told apart.
+    """
+    grid, table = plan.grid, scenario.target
+    if scenario.heading is not None and not grid.circular:
+        raise InputError("heading: the sides of a line are not told apart by tones; expected no heading.")
+    low, high = table.snr_db or default_tone_db(array, grid)
+    level = build_target(table, (low, high), grid.circular)
+    ends = (float(grid.frequency[0]), float(grid.frequency[-1]))
+    corners: tuple[Any, Any] = level.birth.low, level.birth.high
+    birth = UniformBirth(
+        *(
+            ToneState(corner.bearing, corner.bearing_rate, corner.snr_db, jnp.asarray(frequency, jnp.float32))
+            for corner, frequency in zip(corners, ends, strict=True)
+        )
+    )
+    motion = WalkingMotion(level.motion, "frequency", table.frequency_noise, *ends)
+    target = Target(birth, motion, table.arrival_rate, table.departure_rate)
+    particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
+    return build_several(particles, UnknownTone(grid), scenario.tracker, grid.frame, scenario.filter.guided)
+
+
+def for_tones(scenario: RecordingScenario) -> RecordingScenario:
+    """Scenario with as many particles as tones of unknown place need, where it does not say how many."""
+    given = scenario.filter.model_fields_set
+    chosen = {name: value for name, value in PARTICLES.items() if name not in given}
+    if scenario.likelihood.kind != "tone" or not chosen:
+        return scenario
+    return scenario.model_copy(update={"filter": scenario.filter.model_copy(update=chosen)})
+
+
+def default_tone_db(array: SensorArray, grid: ToneGrid) -> tuple[float, float]:
+    """Lowest and highest SNR of tones where the scenario does not say, over the noise in 1 Hz; dB.
+
+    A tone as loud as the noise in its bin of the beam tells little over all bins, and fainter ones nothing.
+
+    Examples
+    --------
+    >>> from faintrack.sensors.array import line_array
+    >>> from faintrack.signal.tones import tone_analysis
+    >>> array = line_array(32, 0.375)
+    >>> [round(x, 1) for x in default_tone_db(array, tone_analysis(array, 4000.0, 1.0).grid)]
+    [-13.3, 36.7]
+    """
+    low = -10 * math.log10(PEAK * grid.frame * array.alive.sum())
+    return low, low + TONES_DB
 
 
 def build_background(
@@ -128,7 +195,7 @@ def build_target(
     if table.elevation_deg is None:
         return Target(UniformBirth(*(_corner(BearingState, *values) for values in ends)), level, *rates)
     lowest, highest = (math.radians(elevation) for elevation in table.elevation_deg)
-    motion = WaveMotion(level, math.radians(table.elevation_noise_deg), lowest, highest)
+    motion = WalkingMotion(level, "elevation", math.radians(table.elevation_noise_deg), lowest, highest)
     birth = UniformBirth(_corner(WaveState, *ends[0], lowest), _corner(WaveState, *ends[1], highest))
     return Target(birth, motion, *rates)
 

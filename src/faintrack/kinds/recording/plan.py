@@ -20,7 +20,14 @@ from faintrack.kinds.checks import about_array, about_levels, as_heard
 from faintrack.kinds.clean import CleanRecording
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
-from faintrack.kinds.recording.build import build_background, build_tracker, default_snr_db
+from faintrack.kinds.recording.build import (
+    build_background,
+    build_tones,
+    build_tracker,
+    default_snr_db,
+    default_tone_db,
+    for_tones,
+)
 from faintrack.kinds.recording.channels import FRAMES, LoudFrames
 from faintrack.kinds.recording.heading import STARBOARD, TRUE_BEARING, read_course, with_true_bearing
 from faintrack.kinds.recording.sections import RecordingScenario
@@ -28,14 +35,15 @@ from faintrack.kinds.recording.trace import COMPONENTS, with_trace_velocity
 from faintrack.kinds.several import Tracker, about_targets, with_targets
 from faintrack.likelihoods.array_field import in_noise
 from faintrack.numerics.traced import traced
-from faintrack.results.schema import AXIS, NORTH, bearing, estimated, of_scans
+from faintrack.results.schema import AXIS, NORTH, Component, bearing, estimated, of_scans
 from faintrack.scenario.array import build, describe
 from faintrack.sensors.array import SensorArray
-from faintrack.sensors.beams import BeamScan, bearings, lobe_width
+from faintrack.sensors.beams import bearings, lobe_width
 from faintrack.signal.array_background import ArrayBackground, Learnt
 from faintrack.signal.beamformer import Beamformer
 from faintrack.signal.energies import energies
 from faintrack.signal.frames import framed, frames
+from faintrack.signal.tones import ToneAnalysis, tone_analysis
 from faintrack.targets.turning import turned_beliefs
 from faintrack.trackers.many import Hand
 
@@ -76,26 +84,30 @@ class Samples(NamedTuple):
 class RecordingStep(eqx.Module):
     """Frames through beamformer, background and tracker."""
 
-    beamformer: Beamformer
+    beamformer: Beamformer | ToneAnalysis
     background: ArrayBackground | None
     tracker: Tracker | DetectAndTrack
 
-    def scans(self, block: Samples) -> tuple[BeamScan, Float[Array, "frame beam"], tuple[Array, Array, Array] | None]:
+    def scans(self, block: Samples) -> tuple[Any, Float[Array, "frame beam"], tuple[Array, Array, Array] | None]:
         """Scans of some frames, rows of the record in dB, and turns of the array (`Course.turns`).
 
         Of several rings of beams a row has the loudest at every bearing.
         """
-        scans, grid = self.beamformer.scan(block.time, block.samples, block.usable), self.beamformer.grid
         turns = None if block.turn is None else (block.turn, block.unsure, block.since)
-        record = energies(scans)
-        if grid.elevations:
-            record = jnp.max(record.reshape(-1, grid.rings, grid.beams), axis=1)
+        if isinstance(self.beamformer, ToneAnalysis):
+            scans: Any = self.beamformer.scan(block.time, block.samples, block.usable)
+            record = self.beamformer.record(scans)
+        else:
+            scans = self.beamformer.scan(block.time, block.samples, block.usable)
+            grid, record = self.beamformer.grid, energies(scans)
+            if grid.elevations:
+                record = jnp.max(record.reshape(-1, grid.rings, grid.beams), axis=1)
         return scans, 10 * jnp.log10(jnp.maximum(jnp.nan_to_num(record), 1e-6)), turns
 
     def advance(
         self,
         state: Any,
-        scan: tuple[BeamScan, Float[Array, " beam"], tuple[Array, Array, Array] | None],
+        scan: tuple[Any, Float[Array, " beam"], tuple[Array, Array, Array] | None],
         key: PRNGKeyArray,
     ) -> tuple[Any, tuple[Any, Float[Array, " beam"]]]:
         """As `faintrack.kinds.kind.Step.advance`."""
@@ -146,7 +158,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     ------
     InputError : there is no array, or recording, array, band and frame do not fit together.
     """
-    recording = without_copies(recording)
+    recording, scenario = without_copies(recording), for_tones(scenario)
     array, rule = array_of(recording, scenario)
     band = scenario.analysis.band
     array, straight = as_heard(array, recording.sample_rate / 2 if band is None else band[1])
@@ -161,18 +173,25 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     elif likelihood.noise_seconds is not None:
         noise_power = measure_noise(CleanRecording(recording).recording, beamformer, length, likelihood.noise_seconds)
     with naming(recording.source):
-        tracker = build_tracker(scenario, array, beamformer, noise_power)
-    background = build_background(scenario, tracker, beamformer)
+        tones = _tones(recording, array, scenario)
+        tracker: Tracker | DetectAndTrack = (
+            build_tracker(scenario, array, beamformer, noise_power)
+            if tones is None
+            else build_tones(scenario, array, tones)
+        )
+    background = None if tones else build_background(scenario, tracker, beamformer)
     course = None
     if scenario.heading is not None:
         lobe = lobe_width(array, float(beamformer.grid.frequency[-1]))
         course = read_course(scenario.heading, recording, array, analysis.frame, lobe)
     grid = beamformer.grid
-    frame_bytes = 4 * max(grid.frequency.size * grid.beams * grid.rings, length * recording.channels)
+    values = grid.frequency.size * grid.beams * grid.rings if tones is None else 4 * tones.grid.count * tones.grid.beams
+    frame_bytes = 4 * max(values, length * recording.channels)
     # Of a run that is taken up again it is not known what was heard before.
     heard = np.ones(recording.channels, bool)
     loud = LoudFrames(beamformer)
-    loudest_db, ends = (scenario.target.snr_db or default_snr_db(array, beamformer.grid))[1], set[int]()
+    snr_db, ends = _levels(scenario, array, beamformer, tones), set[int]()
+    loudest_db = snr_db[1]
 
     def read(start: int, stop: int) -> Samples:
         block = framed(clean.recording, length, start, min(stop, count) - start)
@@ -207,8 +226,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         )
 
     return Plan(
-        scenario=with_targets(_chosen(scenario, array, beamformer, recording.sample_rate), tracker),
-        step=RecordingStep(beamformer, background, tracker),
+        scenario=with_targets(_chosen(scenario, array, beamformer, tones, recording.sample_rate), tracker),
+        step=RecordingStep(tones or beamformer, background, tracker),
         state=(None if background is None else background.init(), begun(tracker, scenario.filter.seed)),
         read=read,
         rows=rows,
@@ -292,13 +311,35 @@ def measure_noise(
     return np.mean(powers, axis=0)
 
 
+def _tones(recording: Recording, array: SensorArray, scenario: RecordingScenario) -> ToneAnalysis | None:
+    """How frames become scans in which tones are looked for; None where that is not asked for."""
+    if scenario.likelihood.kind != "tone":
+        return None
+    analysis = scenario.analysis
+    return tone_analysis(array, recording.sample_rate, analysis.frame, analysis.band, analysis.beams)
+
+
+def _levels(
+    scenario: RecordingScenario, array: SensorArray, beamformer: Beamformer, tones: ToneAnalysis | None
+) -> tuple[float, float]:
+    """Lowest and highest SNR of targets, as the scenario says or by default; dB."""
+    by_default = default_snr_db(array, beamformer.grid) if tones is None else default_tone_db(array, tones.grid)
+    return scenario.target.snr_db or by_default
+
+
 def _chosen(
-    scenario: RecordingScenario, array: SensorArray, beamformer: Beamformer, sample_rate: float
+    scenario: RecordingScenario,
+    array: SensorArray,
+    beamformer: Beamformer,
+    tones: ToneAnalysis | None,
+    sample_rate: float,
 ) -> RecordingScenario:
     """Scenario with what was chosen for a recording filled in."""
-    grid = beamformer.grid
-    analysis = scenario.analysis.model_copy(update={"beams": grid.beams, "snapshot": beamformer.snapshot / sample_rate})
-    snr_db = scenario.target.snr_db or default_snr_db(array, grid)
+    chosen: dict[str, Any] = {"beams": beamformer.grid.beams, "snapshot": beamformer.snapshot / sample_rate}
+    if tones is not None:
+        chosen = {"beams": tones.grid.beams}
+    analysis = scenario.analysis.model_copy(update=chosen)
+    snr_db = _levels(scenario, array, beamformer, tones)
     target = scenario.target.model_copy(update={"snr_db": tuple(map(float, snr_db))})
     return scenario.model_copy(update={"array": describe(array), "analysis": analysis, "target": target})
 
@@ -330,6 +371,8 @@ def _dataset(
     if heading is not None:
         estimates = with_true_bearing(estimates, heading)
         components = (*components, TRUE_BEARING, *(() if array.circular else (STARBOARD,)))
+    if hasattr(estimates.mean, "frequency"):
+        components = (*components, Component("frequency", "Hz", place=True))
     if hasattr(estimates.mean, "elevation"):
         estimates, components = with_trace_velocity(estimates, array.sound_speed), (*components, *COMPONENTS)
     data = estimated(time, estimates, components)
@@ -337,10 +380,13 @@ def _dataset(
         degrees = np.degrees(heading) % 360
         data["heading"] = of_scans(degrees, "degree", "heading of the array, of a line that of its axis")
     data["masked_channels"] = of_scans(masked, "1", "channels left out, samples missing", counted="masked_scans")
+    shown = "beam power over the sum of the channels' powers"
+    if hasattr(estimates.mean, "frequency"):
+        shown = "loudest tone of a beam over the noise around it"
     data["record"] = (
         ("time", "beam"),
         record,
-        {"units": "dB", "long_name": "beam power over the sum of the channels' powers"},
+        {"units": "dB", "long_name": shown},
     )
     degrees = {"units": "degree", "long_name": "bearing", "reference": reference}
     data = data.assign_coords(beam=("beam", np.degrees(bearings(record.shape[1], array.circular)), degrees))

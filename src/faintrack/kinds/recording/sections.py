@@ -32,12 +32,14 @@ class SourceTargetSection(TargetSection):
     bearing_rate_deg : new targets turn at most this fast, either way; degrees a second.
     bearing_rate_noise_deg : density of the bearing acceleration; degrees a second per root second.
     snr_db : lowest and highest SNR of a target at one channel, in the band; dB. Where not given, from the SNR at
-        which a frame tells 0.02 nats of a target, to 20 dB.
+        which a frame tells 0.02 nats of a target, to 20 dB. Of a tone that over the noise in 1 Hz, 50 dB from the
+        faintest that a frame tells of.
     snr_noise_db : random walk of the SNR; dB per root second.
     elevation_deg : lowest and highest elevation of a source above the horizon, which an array that is no line can
         tell: the speed of sound over the cosine of it is the trace velocity; degrees. All waves are level where not
         given.
     elevation_noise_deg : random walk of the elevation; degrees per root second.
+    frequency_noise : of a tone: random walk of its frequency; Hz per root second.
     """
 
     bearing_rate_deg: float = Field(default=0.5, ge=0)
@@ -46,6 +48,7 @@ class SourceTargetSection(TargetSection):
     snr_noise_db: float = Field(default=0.5, ge=0)
     elevation_deg: Pair | None = None
     elevation_noise_deg: float = Field(default=0.1, ge=0)
+    frequency_noise: float = Field(default=0.02, ge=0)
 
     @model_validator(mode="after")
     def _ordered(self) -> "SourceTargetSection":
@@ -61,7 +64,8 @@ class LikelihoodSection(Section):
 
     Attributes
     ----------
-    kind : "unknown_noise", the noise power of every frequency and frame integrated out; "known_noise"; or "lobe_width".
+    kind : "unknown_noise", the noise power of every frequency and frame integrated out; "known_noise"; "lobe_width"; or
+        "tone", a target is a tone of unknown frequency (`faintrack.likelihoods.unknown_tone`).
     noise_power : for "known_noise": variance of the noise in one sample of a channel, the same at all frequencies.
     noise_seconds : for "known_noise", instead: the noise power of each frequency is measured over the first seconds.
     exponent : for "lobe_width": to which the beam power is raised.
@@ -70,7 +74,7 @@ class LikelihoodSection(Section):
         otherwise the noise of channels is independent.
     """
 
-    kind: Literal["unknown_noise", "known_noise", "lobe_width"] = "unknown_noise"
+    kind: Literal["unknown_noise", "known_noise", "lobe_width", "tone"] = "unknown_noise"
     noise_power: float | None = Field(default=None, gt=0)
     noise_seconds: float | None = Field(default=None, gt=0)
     exponent: float = Field(default=5.0, gt=0)
@@ -146,6 +150,7 @@ class SourceSection(Section):
     Attributes
     ----------
     snr_db : variance of its signal over variance of the noise at one channel; dB.
+    tone : frequency of the sine that it sends, Hz; white noise where not given.
     bearing_deg : at `start`; degrees, from the axis of a line array or clockwise from north.
     bearing_rate_deg : degrees a second.
     elevation_deg : above the horizon; degrees.
@@ -153,6 +158,7 @@ class SourceSection(Section):
     """
 
     snr_db: float
+    tone: float | None = Field(default=None, gt=0)
     bearing_deg: float
     bearing_rate_deg: float = 0.0
     elevation_deg: float = Field(default=0.0, gt=-90, lt=90)
@@ -204,6 +210,19 @@ class RecordingScenario(Scenario):
     cfar: CfarSection = CfarSection()
     alarm: Alarms | None = None
     simulation: SimulationSection | None = None
+
+    @model_validator(mode="after")
+    def _tones_are_sought(self) -> "RecordingScenario":
+        if self.likelihood.kind != "tone":
+            return self
+        if self.tracker.method != "bernoulli":
+            raise ValueError(
+                f'likelihood.kind "tone": tracker.method is "{self.tracker.method}", which knows of no frequency; '
+                'expected "bernoulli"'
+            )
+        if self.analysis.snapshot is not None:
+            raise ValueError('likelihood.kind "tone" looks at whole frames; expected analysis.frame, and no snapshot')
+        return self
 
     @model_validator(mode="after")
     def _elevation_is_read(self) -> "RecordingScenario":

@@ -52,7 +52,9 @@ def targets(scenario: RecordingScenario) -> list[Known]:
             bearing = (np.degrees(source.bearing_at(times) - ahead) + 180) % 360 - 180
             # A line hears a wave as from its mirror image.
             bearing = bearing if array.circular else np.abs(bearing)
-            return {"bearing": np.where((times >= source.start) & (times < source.end), bearing, np.nan)}
+            there = (times >= source.start) & (times < source.end)
+            tone = {} if source.tone is None else {"frequency": np.where(there, source.tone, np.nan)}
+            return {"bearing": np.where(there, bearing, np.nan)} | tone
 
         return Known(f"source {number}, {source.snr_db:g} dB", at)
 
@@ -85,10 +87,15 @@ def sources_of(table: SimulationSection) -> list[Source]:
             raise InputError(
                 f"simulation.sources[{number}].end is {end:g} s; expected more than start, {source.start:g} s."
             )
+        if source.tone is not None and source.tone >= table.sample_rate / 2:
+            raise InputError(
+                f"simulation.sources[{number}].tone is {source.tone:g} Hz; expected less than half the sample rate, "
+                f"{table.sample_rate / 2:g} Hz."
+            )
         bearing, rate, elevation = (
             math.radians(value) for value in (source.bearing_deg, source.bearing_rate_deg, source.elevation_deg)
         )
-        sources.append(Source(source.snr_db, bearing, rate, source.start, end, elevation))
+        sources.append(Source(source.snr_db, bearing, rate, source.start, end, elevation, source.tone))
     return sources
 
 
