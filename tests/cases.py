@@ -49,6 +49,7 @@ from faintrack.likelihoods.superposed import SuperposedLikelihood
 from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.likelihoods.unknown_noise import UnknownNoise
 from faintrack.likelihoods.unknown_snr import GuidedSnr
+from faintrack.likelihoods.unknown_tone import UnknownTone
 from faintrack.likelihoods.white_signal import WhiteSignal
 from faintrack.sensors.active import ActiveSonar, Ping, Pulse
 from faintrack.sensors.array import SensorArray
@@ -60,9 +61,11 @@ from faintrack.sensors.contact_sets import ContactSensor, ContactSet, ContactsOf
 from faintrack.sensors.multistatic import Pings
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.sensors.superposed import SensorNetwork, inverse_square, picture
+from faintrack.sensors.tones import ToneScan
 from faintrack.signal.clutter import ClutterScan, Level
+from faintrack.signal.tones import ToneAnalysis, tone_analysis
 from faintrack.targets.motion import PlanarMotion
-from faintrack.targets.states import BearingState, PlanarSnrState, PlanarState, RangeState, WaveState
+from faintrack.targets.states import BearingState, PlanarSnrState, PlanarState, RangeState, ToneState, WaveState
 from faintrack.targets.target import Target, UniformBirth, rates
 from tests.scenes import CIRCLE, COLOURED, LINE, SPACE
 
@@ -333,6 +336,33 @@ def contacts_of_pairs_case(dtype: type) -> Case:
     return Case(likelihood, scan, row(PlanarState, dtype, *ECHOING), MANY)
 
 
+# Tones
+
+
+HUMS = (1.2, 0.0, -6.0, 60.0), (2.0, 0.0, 3.0, 90.5), (0.1, 0.0, 10.0, 120.25)
+"""At frequencies of the grid: a scan is drawn for these."""
+
+
+def tone_plan() -> ToneAnalysis:
+    return tone_analysis(LINE, 400.0, 1.0, (50.0, 150.0), 24)
+
+
+def tone_scan(dtype: type) -> ToneScan:
+    plan = tone_plan()
+    count, channels = plan.grid.count, len(plan.gains)
+    wide = np.result_type(dtype, np.complex64)
+    power = jnp.zeros((count, plan.grid.beams), dtype)
+    references = jnp.asarray(plan.references, dtype)
+    heard = jnp.asarray(channels, dtype)
+    spectra = jnp.zeros((count, channels), wide)
+    return ToneScan(jnp.zeros((), dtype), spectra, power, power, references * channels, references, heard)
+
+
+def tone_case(dtype: type) -> Case:
+    # Draws of gamma variables are loops.
+    return Case(UnknownTone(tone_plan().grid), tone_scan(dtype), row(ToneState, dtype, *HUMS), 50)
+
+
 # Contacts
 
 
@@ -389,6 +419,7 @@ LIKELIHOODS: dict[str, Callable[[type], Case]] = {
     "bearing": lambda dtype: contact_case(BearingContact((70.0, 0.0), 0.9), dtype),
     "contact sets": contact_set_case,
     "contacts of pairs": contacts_of_pairs_case,
+    "tone": tone_case,
     "detection": lambda dtype: contact_case(detection(), dtype, False),
     "together": lambda dtype: contact_case(
         Together((BearingContact((70.0, 0.0), 0.9), detection())), dtype, scan=(contact(dtype), contact(dtype))
@@ -397,7 +428,7 @@ LIKELIHOODS: dict[str, Callable[[type], Case]] = {
 }
 """Those that read states."""
 
-NO_RATIO = ("lobe width",)
+NO_RATIO = ("lobe width", "tone")
 """Their mean under noise is not 1, and they say so."""
 
 NO_INVERSE = (*NO_RATIO, "position")
@@ -409,6 +440,7 @@ QUIET: dict[str, Callable[[Any], Any]] = {
     "unknown noise, line": too_few,
     "unknown noise, circle": too_few,
     "lobe width": too_few,
+    "tone": too_few,
     "cells, gaussian": unseen,
     "cells, swerling1": unseen,
     "cells, swerling0": unseen,

@@ -116,9 +116,9 @@ class UnknownTone(eqx.Module):
     >>> time = np.arange(1000) / 1000.0
     >>> samples = np.random.default_rng(0).normal(size=(1, 1000, 8)) + 0.3 * np.cos(2 * np.pi * 200.3 * time)[:, None]
     >>> scan = jax.tree.map(lambda x: x[0], plan.scan(jnp.zeros(1), jnp.asarray(samples), jnp.ones((1, 8), bool)))
-    >>> states = ToneState(jnp.pi / 2, 0.0, 12.0, jnp.array([200.3, 260.0]))
+    >>> states = ToneState(*jnp.array([[jnp.pi / 2] * 2, [0.0] * 2, [12.0] * 2, [200.3, 260.0]]))
     >>> [round(float(x)) for x in UnknownTone(plan.grid).log_ratio(scan, states)]
-    [41, -4]
+    [46, -2]
     """
 
     grid: ToneGrid

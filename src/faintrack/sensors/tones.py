@@ -124,7 +124,7 @@ def kernel(off: Float[Array, "..."]) -> Float[Array, "..."]:
 
     Examples
     --------
-    >>> kernel(jnp.array([0.0, 0.5, 1.0, 1.5, 2.5, 3.0])).round(4).tolist()
+    >>> [round(float(x), 4) for x in kernel(jnp.array([0.0, 0.5, 1.0, 1.5, 2.5, 3.0]))]
     [1.0, 0.6169, 0.1111, 0.0, 0.0, 0.0008]
     """
     squared = 4 * off**2
@@ -138,7 +138,7 @@ def envelope(off: Float[Array, "..."]) -> Float[Array, "..."]:
 
     Examples
     --------
-    >>> envelope(jnp.array([0.0, 1.0, 1.5, 3.0])).round(4).tolist()
+    >>> [round(float(x), 4) for x in envelope(jnp.array([0.0, 1.0, 1.5, 3.0]))]
     [1.0, 0.1111, 0.0156, 0.0008]
     """
     beyond = jnp.maximum(jnp.abs(off), 1)

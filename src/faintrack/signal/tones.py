@@ -168,7 +168,7 @@ def tone_analysis(
     >>> from faintrack.sensors.array import line_array
     >>> plan = tone_analysis(line_array(32, 0.375), 4000.0, 1.0, (100.0, 1800.0))
     >>> float(plan.grid.frequency[0]), float(plan.grid.frequency[-1]), len(plan.grid.frequency)
-    (100.0, 1800.0, 3401)
+    (100.0, 1800.0, 6801)
     """
     length = round(frame * sample_rate)
     if length < 8 * EDGE:

@@ -133,7 +133,7 @@ def default_tone_db(array: SensorArray, grid: ToneGrid) -> tuple[float, float]:
     >>> from faintrack.signal.tones import tone_analysis
     >>> array = line_array(32, 0.375)
     >>> [round(x, 1) for x in default_tone_db(array, tone_analysis(array, 4000.0, 1.0).grid)]
-    [-13.3, 36.7]
+    [-14.1, 65.9]
     """
     low = -10 * math.log10(PEAK * grid.frame * array.alive.sum())
     return low, low + TONES_DB

@@ -3,6 +3,7 @@
 import numpy as np
 
 from faintrack.data.recording import Recording
+from faintrack.errors import InputError
 from faintrack.kinds.recording.plan import array_of
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.kinds.surrogates import shifted_apart
@@ -14,8 +15,14 @@ def surrogate(recording: Recording, scenario: RecordingScenario, seed: int) -> R
 
     Raises
     ------
-    InputError : there is no array, or the recording is too short.
+    InputError : there is no array, the recording is too short, or tones are looked for, which are as steady when
+        channels are shifted.
     """
+    if scenario.likelihood.kind == "tone":
+        raise InputError(
+            "a tone is as steady when channels are shifted apart, so that data without a target cannot be made of "
+            "others; expected stretches without one."
+        )
     array, _ = array_of(recording, scenario)
     across = np.linalg.norm(array.positions[:, None] - array.positions[None], axis=-1).max()
     return shifted_apart(recording, float(across / array.sound_speed) + scenario.analysis.frame, seed)
