@@ -148,8 +148,8 @@ def test_newborn_stand_for_the_birth_density() -> None:
     assert_mean(weights.mean(axis=1), 1.0)
     assert_mean((weights * np.asarray(drawn.frequency > 90.0)).mean(axis=1), 0.6)
     assert_mean((weights * np.asarray(drawn.bearing < 1.0)).mean(axis=1), 1 / math.pi)
-    near = np.hypot(np.asarray(drawn.frequency) - 97.3, 10 * (np.asarray(drawn.bearing) - BEARING)) < 3
-    assert near.mean() > 0.1, "the tone is where they are drawn"
+    # Four channels within a third of a wave tell hardly any direction.
+    assert (np.abs(np.asarray(drawn.frequency) - 97.3) < 1).mean() > 0.3
 
 
 def test_a_circle_is_read_around() -> None:
