@@ -233,3 +233,23 @@ def test_what_cannot_be_used_is_said() -> None:
         Guided(likelihood, grid("x", "y"), SWATH)
     with pytest.raises(InputError, match=r"\(0, 4, 1\) points a bin; expected at least 1"):
         Guided(likelihood, grid(), SWATH, (0, 4, 1))
+
+
+def test_an_echo_that_another_is_the_source_of_speaks_for_no_target_more() -> None:
+    """Alone every bin of it speaks for a target; beside one that is there, none."""
+    sonar = SONARS["sweep"]()
+    guided = guided_of(sonar)
+    around = [(i, j) for i in (-2, -1, 0, 1, 2) for j in (-1, 0, 1)]
+    power = [60.0 * float(sonar.response(jnp.array(float(i)), jnp.array(float(j)), jnp.array(0.0))) for i, j in around]
+    loud = [(value, [5 + i, 3 + j, 0]) for value, (i, j) in zip(power, around, strict=True) if value > THRESHOLD]
+    echo = heard(sonar, [bins for _, bins in loud], [value for value, _ in loud])
+    assert len(loud) > 3
+    alone = guided.log_mean_ratio(echo)
+    weights = jax.nn.log_softmax(alone.ravel()).reshape(alone.shape)
+    expected = guided.part(echo, None, weights)
+    beside = guided.log_mean_ratio(guided.beside(echo, expected[None], jnp.array([1.0])))
+    assert float(alone.max()) > 20
+    # Off the peak of an echo a bin that says nothing at it says 0.9 nats at most.
+    assert float(beside.max()) < 2.0
+    nothing = guided.log_mean_ratio(guided.beside(echo, expected[None], jnp.array([0.0])))
+    np.testing.assert_allclose(nothing, alone, rtol=1e-5)

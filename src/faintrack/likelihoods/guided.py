@@ -196,8 +196,9 @@ class Guided(eqx.Module):
 
         .. math:: c_k = \log \left(1 + \frac{p_k L_k}{1 - P_D}\right):
 
-        it is read as one whose power is less by
-        :math:`c_k (1 + s) / s`, down to the threshold. A return that is another's with the probability
+        it is read as one whose power is less by :math:`c_k (1 + s) / s`, down to where an echo of the mean power s says
+        nothing, :math:`\log(1 + s) (1 + s) / s`: at the threshold each bin of a loud echo would still speak for one
+        target more. A return that is another's with the probability
         :math:`a_k = 1 - e^{-c_k}` brings others in the bins that its echo spreads to, with the shares :math:`h_{jk}`:
         there the background is that of an echo of the power :math:`m = z_k h_{jk}`,
 
@@ -205,7 +206,8 @@ class Guided(eqx.Module):
         """
         gain = self.likelihood.snr / (1 + self.likelihood.snr)
         crowding = self._crowding(ping, existence @ parts)
-        power = jnp.maximum(ping.power - crowding / gain, self.likelihood.threshold)
+        least = jnp.minimum(jnp.log1p(self.likelihood.snr) / gain, self.likelihood.threshold)
+        power = jnp.maximum(ping.power - crowding / gain, least)
         return dataclasses.replace(ping, power=jnp.where(ping.there, power, ping.power))
 
     def of_targets(

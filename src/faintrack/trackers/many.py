@@ -14,7 +14,8 @@ explain it to each other; their odds fall until one of them is dropped. A target
 
 .. math:: I = h \sum_i w_i \ell(z|x_i) + 1 - h, \qquad \frac{q}{1-q} \leftarrow \frac{q}{1-q} I .
 
-States that a sensor hardly tells from a target in hand are not sought.
+States that a sensor hardly tells from a target in hand are not sought. On a grid what an undetected target would
+explain as well speaks for one in hand only so much (`faintrack.trackers.undetected`).
 """
 
 import dataclasses
@@ -35,6 +36,7 @@ from faintrack.numerics.draws import uniform
 from faintrack.numerics.resampling import systematic
 from faintrack.numerics.traced import traced
 from faintrack.targets.silence import Silence
+from faintrack.trackers.undetected import beside_undetected
 
 CANDIDATES = 32
 """Places that are looked at for the peak of a belief."""
@@ -221,7 +223,8 @@ class ManyTargetsTracker(eqx.Module):
 
         def look(carried: tuple[Found, Array]) -> tuple[Found, Array]:
             found, number = carried
-            hand = self._updated(found.hand, found.parts, found.unread, scan, jax.random.fold_in(for_hand, number))
+            key = jax.random.fold_in(for_hand, number)
+            hand = self._updated(found.hand, found.parts, found.unread, scan, seeking.sought, key)
             parts = _over(
                 found.unread,
                 lambda belief, before: part(belief),
@@ -235,8 +238,8 @@ class ManyTargetsTracker(eqx.Module):
             log_ratio = log_ratios(self.likelihood, beside, predicted.states)
             sought, log_evidence = update(predicted, jnp.where(near, 0, log_ratio))
             found = Found(sought, hand, parts, jnp.zeros_like(new), found.labels, log_evidence, found.full)
-            key = jax.random.fold_in(for_taking, number)
-            return self._taken(found, predicted, number < AT_ONCE, beside, key), number + 1
+            for_peak = jax.random.fold_in(for_taking, number)
+            return self._taken(found, predicted, number < AT_ONCE, beside, for_peak), number + 1
 
         # What is found takes in the scan itself and is part of the background before more is sought.
         found, _ = jax.lax.while_loop(unfinished, look, (start, jnp.array(0)))
@@ -292,13 +295,15 @@ class ManyTargetsTracker(eqx.Module):
         beliefs, observable = _over(hand.active, carried, still, hand.beliefs, hand.observable, keys)
         return Hand(beliefs, observable, hand.label)
 
-    def _updated(self, hand: Hand, parts: Any, unread: Bool[Array, " slot"], scan: Any, key: PRNGKeyArray) -> Hand:
+    def _updated(
+        self, hand: Hand, parts: Any, unread: Bool[Array, " slot"], scan: Any, sought: Belief, key: PRNGKeyArray
+    ) -> Hand:
         """Targets in hand after a scan, those that have not taken it in yet."""
         number, expected = jnp.arange(self.targets), hand.observable_existence
 
         def updated(belief: Belief, observable: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             others = jnp.where(number == slot, 0, expected)
-            return self._observed(belief, observable, self._of_hand.beside(scan, parts, others), key)
+            return self._observed(belief, observable, self._of_hand.beside(scan, parts, others), sought, key)
 
         def as_it_is(belief: Belief, observable: Array, slot: Array, key: PRNGKeyArray) -> tuple[Belief, Array]:
             return belief, observable
@@ -309,7 +314,7 @@ class ManyTargetsTracker(eqx.Module):
         return Hand(beliefs, observable, jnp.where(kept, hand.label, 0))
 
     def _observed(
-        self, belief: Belief, observable: Float[Array, ""], scan: Any, key: PRNGKeyArray
+        self, belief: Belief, observable: Float[Array, ""], scan: Any, sought: Belief, key: PRNGKeyArray
     ) -> tuple[Belief, Float[Array, ""]]:
         """Belief of a target that may be silent, and the odds that it is observable (the module's equation)."""
         for_steps, for_draw, for_rest, for_choice = jax.random.split(key, 4)
@@ -317,7 +322,8 @@ class ManyTargetsTracker(eqx.Module):
         if particles:
             updated, log_evidence = tempered(belief, partial(self._closely, scan), for_steps)
         else:
-            updated, log_evidence = update(belief, log_ratios(self._of_hand, scan, belief.states))
+            ratio = log_ratios(self._of_hand, scan, belief.states)
+            updated, log_evidence = update(belief, beside_undetected(ratio, sought))
         gained = jnp.logaddexp(jax.nn.log_sigmoid(observable) + log_evidence, jax.nn.log_sigmoid(-observable))
         observable = observable + log_evidence
         if particles:
