@@ -25,11 +25,14 @@ from jaxtyping import Array, Complex, Float
 
 from faintrack.numerics.precision import full_precision
 from faintrack.numerics.trigonometry import sine_cosine
-from faintrack.sensors.tones import PEAK, ToneGrid, ToneScan, envelope
+from faintrack.sensors.tones import FINENESS, PEAK, ToneGrid, ToneScan, envelope
 from faintrack.targets.states import ToneState
 
 COLUMNS = 2
 """Of the covariance of one tone: the wave, and what a turn adds."""
+
+REACH = 64
+"""Bins to either side in which a tone is part of the background: beyond them it is 84 dB down."""
 
 TURN = 1e-3
 """Angle over which a steering vector is differentiated; radians."""
@@ -43,12 +46,12 @@ class ToneField(eqx.Module):
 
     Attributes
     ----------
-    columns : :math:`G^{-1} = I - Q Q^*` at every frequency.
+    columns : :math:`G^{-1} = I - Q Q^*` at every frequency, what each tone adds to Q; zero of one that is not there.
     spectra : :math:`G^{-1} z`.
     frequency : of the tones, Hz; those that are not there lie below any band.
     """
 
-    columns: Complex[Array, "*scan column frequency channel"]
+    columns: Complex[Array, "*scan source frequency column channel"]
     spectra: Complex[Array, "*scan frequency channel"]
     frequency: Float[Array, "*scan source"]
 
@@ -103,19 +106,23 @@ def beside(grid: ToneGrid, scan: ToneScan, tones: Tones, existence: Float[Array,
     existence : probability that each is there; one with 0 adds nothing.
     """
     dtype = scan.power.dtype
-    frequency = jnp.asarray(grid.frequency, dtype)
     heard = (jnp.sum(jnp.abs(scan.spectra) ** 2, axis=0) > 0).astype(dtype)
-    none = jnp.zeros((0, *scan.spectra.shape), scan.spectra.dtype)
+    count, channels = scan.spectra.shape
+    none = jnp.zeros((0, count, COLUMNS, channels), scan.spectra.dtype)
     before = ToneField(none, scan.spectra, jnp.zeros(0, dtype)) if scan.field is None else scan.field
     first = len(before.columns)
-    count = len(existence)
-    columns = jnp.concatenate([before.columns, jnp.zeros((COLUMNS * count, *scan.spectra.shape), scan.spectra.dtype)])
+    columns = jnp.pad(before.columns, ((0, len(existence)), *((0, 0),) * 3))
+    size = min(2 * FINENESS * REACH + 1, count)
 
     def added(held: tuple[Array, Array], source: tuple[Array, Tones, Array]) -> tuple[tuple[Array, Array], None]:
         return jax.lax.cond(source[2] > 0, taken_in, lambda held, source: held, held, source), None
 
     def taken_in(held: tuple[Array, Array], source: tuple[Array, Tones, Array]) -> tuple[Array, Array]:
         number, tone, there = source
+        start = jnp.clip(jnp.round(grid.place(tone.frequency)).astype(jnp.int32) - size // 2, 0, count - size)
+        columns = jax.lax.dynamic_slice_in_dim(held[0], start, size, axis=1)
+        spectra = jax.lax.dynamic_slice_in_dim(held[1], start, size)
+        frequency = grid.lowest + grid.step * (start + jnp.arange(size)).astype(dtype)
         away = jnp.maximum(jnp.abs(frequency - tone.frequency) - 2 * tone.width, 0) * grid.frame
         strength = jnp.sqrt(2 * there * tone.level * envelope(away))[:, None] * heard
         wave, right, left = (
@@ -127,18 +134,19 @@ def beside(grid: ToneGrid, scan: ToneScan, tones: Tones, existence: Float[Array,
         # Beyond a lobe the direction is not known at all: the pattern is no larger than the wave itself.
         turned = turned * jnp.minimum(deviation, 1 / jnp.maximum(largest, 1))
         for place, pattern in enumerate((wave, turned)):
-            columns, spectra = held
             column = pattern * strength
-            inner = jnp.einsum("rfc,fc->rf", columns.conj(), column)
-            own = column - jnp.einsum("rf,rfc->fc", inner, columns)
+            inner = jnp.einsum("sfrc,fc->sfr", columns.conj(), column)
+            own = column - jnp.einsum("sfr,sfrc->fc", inner, columns)
             scale = 1 + jnp.maximum(jnp.einsum("fc,fc->f", column.conj(), own).real, 0)
             along = jnp.einsum("fc,fc->f", column.conj(), spectra)
             spectra = spectra - (along / scale)[:, None] * own
-            of_inverse = own / jnp.sqrt(scale)[:, None]
-            held = columns.at[first + COLUMNS * number + place].set(of_inverse), spectra
-        return held
+            columns = columns.at[first + number, :, place].set(own / jnp.sqrt(scale)[:, None])
+        return (
+            jax.lax.dynamic_update_slice_in_dim(held[0], columns, start, axis=1),
+            jax.lax.dynamic_update_slice_in_dim(held[1], spectra, start, axis=0),
+        )
 
-    each = (jnp.arange(count), tones, existence)
+    each = (jnp.arange(len(existence)), tones, existence)
     (columns, spectra), _ = jax.lax.scan(added, (columns, before.spectra), each)
     there = jnp.where(existence > 0, tones.frequency, -jnp.inf).astype(dtype)
     return dataclasses.replace(scan, field=ToneField(columns, spectra, jnp.concatenate([before.frequency, there])))

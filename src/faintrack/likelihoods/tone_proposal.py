@@ -28,6 +28,9 @@ EVERYWHERE = 0.5
 LEVELS = 8
 """SNR over which the ratio is averaged."""
 
+SHARES = 4096
+"""Of the power of a beam, for which the ratio is tabulated."""
+
 AROUND = 8
 """Bins on either side of a tone in hand in which beams are formed anew."""
 
@@ -67,21 +70,23 @@ def where_tones_stand(
 
 
 def _table(grid: ToneGrid, scan: ToneScan, birth: UniformBirth) -> Float[Array, "frequency beam"]:
-    """Mean ratio over the SNR of the birth density at every frequency and beam, over its largest value."""
-    power, noise, n = _power(grid, scan), scan.noise, scan.references[:, None]
-    heard = (scan.channels >= 2) & (noise > 0)
-    share = jnp.where(heard, power / jnp.where(heard, power + noise, 1), 0)
+    """Mean ratio over the SNR of the birth density at every frequency and beam, over its largest value.
+
+    It is a function of the beam's share of the power alone, but for the ends of the band, which have fewer references.
+    """
+    power, noise, n = _power(grid, scan), scan.noise, jnp.max(scan.references)
     low, high = birth.low.snr_db, birth.high.snr_db
     snr_db = low + (high - low) * (jnp.arange(LEVELS, dtype=power.dtype) + 0.5) / LEVELS
-
-    def of_one(total: Array, snr_db: Array) -> tuple[Array, None]:
-        louder = level_of(grid, snr_db) * scan.channels
-        ratio = -jnp.log1p(louder) - (1 + n) * jnp.log(1 - share + share / (1 + louder))
-        return jnp.logaddexp(total, ratio), None
-
-    log_ratio, _ = jax.lax.scan(of_one, jnp.full_like(power, -jnp.inf), snr_db)
-    log_ratio = jnp.where(heard, log_ratio, jnp.log(LEVELS))
-    return jnp.exp(log_ratio - jnp.max(log_ratio))
+    louder = level_of(grid, snr_db)[:, None] * scan.channels
+    shares = (jnp.arange(SHARES, dtype=power.dtype) + 0.5) / SHARES
+    log_ratio = -jnp.log1p(louder) - (1 + n) * jnp.log(1 - shares + shares / (1 + louder))
+    log_ratio = jax.nn.logsumexp(log_ratio, axis=0) - jnp.log(LEVELS)
+    heard = (scan.channels >= 2) & (noise > 0)
+    share = jnp.where(heard, power / jnp.where(heard, power + noise, 1), 0)
+    loudest = log_ratio[(jnp.max(share) * SHARES).astype(jnp.int32).clip(0, SHARES - 1)]
+    ratio = jnp.exp(log_ratio - jnp.maximum(loudest, 0))
+    found = ratio[jnp.clip((share * SHARES).astype(jnp.int32), 0, SHARES - 1)]
+    return jnp.where(heard, found, jnp.exp(-jnp.maximum(loudest, 0)))
 
 
 def _power(grid: ToneGrid, scan: ToneScan) -> Float[Array, "frequency beam"]:

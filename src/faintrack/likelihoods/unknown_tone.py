@@ -32,7 +32,7 @@ that is in hand are weighed by :math:`\ell_E` against the likeliest of them, :ma
 says the smaller of both: :math:`\min(\log \ell, \log \ell_E)(x_0) + \log \ell_E(x) - \log \ell_E(x_0)`.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -157,13 +157,23 @@ class UnknownTone(eqx.Module):
         gain: Array = jnp.broadcast_to(scan.channels, frequency.shape)
         dimensions = gain
         if scan.field is not None:
-            columns = scan.field.columns[:, jnp.round(place).astype(jnp.int32)].conj()
-            of_wave = jnp.einsum("rpc,pc->rp", columns, vectors)
-            of_scan = jnp.einsum("rpc,pc->rp", columns, received)
-            along = along - jnp.sum(of_wave.conj() * of_scan, axis=0)
-            gain = gain - jnp.sum(_squared(of_wave), axis=0)
-            energy = energy - jnp.sum(_squared(of_scan), axis=0)
-            dimensions = jnp.maximum(dimensions - jnp.sum(_squared(columns), axis=(0, 2)), 1)
+            nearest = jnp.round(place).astype(jnp.int32)
+
+            def less(left: Any, tone: tuple[Array, Array]) -> tuple[Any, None]:
+                def beside() -> tuple[Array, ...]:
+                    columns = tone[0][nearest].conj()
+                    of_wave, of_scan = (jnp.sum(columns * x[:, None], axis=2) for x in (vectors, received))
+                    taken = (
+                        of_wave.conj() * of_scan,
+                        *map(_squared, (of_wave, of_scan, columns.reshape(len(place), -1))),
+                    )
+                    return tuple(before - jnp.sum(part, axis=1) for before, part in zip(left, taken, strict=True))
+
+                return jax.lax.cond(tone[1] > -jnp.inf, beside, lambda: left), None
+
+            start = along, gain, energy, dimensions
+            (along, gain, energy, dimensions), _ = jax.lax.scan(less, start, (scan.field.columns, scan.field.frequency))
+            dimensions = jnp.maximum(dimensions, 1)
         # Where nothing of a direction is left beside the others, nothing is said of it.
         some = gain > HIDDEN * scan.channels
         own = _squared(along) / jnp.where(some, gain, 1)
