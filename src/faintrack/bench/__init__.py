@@ -25,7 +25,7 @@ from faintrack.bench.grids import implicit_step_4d, separable_step_base, separab
 from faintrack.bench.machine import Machine, measure
 from faintrack.bench.monte_carlo import scenario1_run_step
 from faintrack.bench.pixels import pixel_frame
-from faintrack.bench.recording import track_55ch_realtime, track_above_horizon
+from faintrack.bench.recording import track_55ch_realtime, track_above_horizon, track_tones
 from faintrack.bench.rows import Row
 from faintrack.bench.several import several_region, several_sea_trial, several_synthetic
 from faintrack.bench.sizes import Sizes
@@ -41,6 +41,7 @@ ROWS: dict[str, Callable[[Machine, Sizes], Row]] = {
     for row in (
         track_55ch_realtime,
         track_above_horizon,
+        track_tones,
         bernoulli_step_single,
         bernoulli_step_batch,
         beam_power_acoular,

@@ -12,6 +12,7 @@ from faintrack.kinds.beamforming import build_beamformer
 from faintrack.kinds.door import track
 from faintrack.kinds.scenario import Scenario
 from faintrack.sensors.array import line_array, sensor_array
+from faintrack.signal.tones import tone_analysis
 
 SAMPLE_RATE = 4000.0
 """Hz."""
@@ -69,3 +70,30 @@ def track_above_horizon(machine: Machine, sizes: Sizes) -> Row:
         "waves level, one ring"
     )
     return row("track_above_horizon", "s", timing, note, None, level.least)
+
+
+def track_tones(machine: Machine, sizes: Sizes) -> Row:
+    """A tone whose frequency is not known; the peer is ours by power in the same band."""
+    duration, channels = sizes.recording_seconds, sizes.channels
+    array = line_array(channels, 0.375)
+    time = np.arange(round(duration * SAMPLE_RATE)) / SAMPLE_RATE
+    noise = np.random.default_rng(0).standard_normal((len(time), channels), dtype=np.float32)
+    samples = noise + 0.05 * np.cos(2 * np.pi * 433.3 * time, dtype=np.float32)[:, None]
+    recording = from_samples(samples.astype(np.float32), SAMPLE_RATE)
+    scenario: Any = Scenario(
+        array=array,
+        analysis={"band": (100.0, 1000.0)},
+        filter={"particles": 4 * sizes.particles, "births": 8 * sizes.births},
+    )
+    power = timed(lambda: track(recording, scenario).tracks, sizes.repeat_seconds)
+    tones = {"kind": "tone"}
+    timing = timed(lambda: track(recording, scenario, likelihood=tones).tracks, sizes.repeat_seconds)
+    grid = tone_analysis(array, SAMPLE_RATE, 1.0, (100.0, 1000.0)).grid
+    operations = 8 * grid.count * grid.beams * channels
+    limit = duration * machine.seconds(operations, 3 * (4 * sizes.particles + 8 * sizes.births))
+    note = (
+        f"{duration} s of {channels} channels at {SAMPLE_RATE:g} Hz in memory, 1 s frames, {grid.count} frequencies, "
+        f"{grid.beams} beams, {4 * sizes.particles} + {8 * sizes.births} particles, one tone; peer: ours by power in "
+        "the band; limit: sums over all beams at the rate of a large matrix product and random numbers drawn at once"
+    )
+    return row("track_tones", "s", timing, note, None, power.least, limit)

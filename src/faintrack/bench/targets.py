@@ -9,9 +9,10 @@ import numpy as np
 from faintrack.bench.machine import Machine
 from faintrack.bench.rows import Row, Timing, row, timed
 from faintrack.bench.sizes import Sizes
+from faintrack.data.contacts import Contacts
 from faintrack.data.recording import Recording, from_samples
 from faintrack.data.sequence import Sequence, from_frames
-from faintrack.kinds.door import track
+from faintrack.kinds.door import simulate, track
 from faintrack.sensors.array import line_array
 from faintrack.simulation.samples import Source, draw_samples
 
@@ -51,6 +52,28 @@ def _frames(targets: int, sizes: Sizes) -> tuple[Sequence, dict[str, Any]]:
     return from_frames(frames), {"frames": {"background": "none"}, "cells": {"amplitude": "gaussian", "width": WIDTH}}
 
 
+def _contacts(targets: int, sizes: Sizes) -> tuple[Contacts, dict[str, Any]]:
+    around = 2 * np.pi * (np.arange(targets) + 0.5) / targets
+    told: dict[str, Any] = {
+        "contacts": {
+            "range": (200.0, 10e3),
+            "range_std": 20.0,
+            "bearing_std_deg": 1.5,
+            "detection_probability": 0.8,
+            "false_per_ping": 5.0,
+            "source": (0.0, 0.0),
+            "receiver": (0.0, 0.0),
+            "x": (-10e3, 10e3),
+            "y": (-10e3, 10e3),
+            "speed": 10.0,
+        }
+    }
+    places = [{"x": 6e3 * float(np.sin(angle)), "y": 6e3 * float(np.cos(angle)), "vx": 5.0} for angle in around]
+    simulation = {"pings": sizes.target_scans, "interval": 20.0, "targets": places}
+    contacts: Contacts = simulate({**told, "simulation": simulation})
+    return contacts, told
+
+
 @functools.cache
 def _timed(make: Make, targets: int, sizes: Sizes) -> Timing:
     data, sections = make(targets, sizes)
@@ -74,7 +97,7 @@ def _row(kind: str, make: Make, targets: int) -> Callable[[Machine, Sizes], Row]
 
 TARGET_ROWS = tuple(
     _row(kind, make, targets)
-    for kind, make in {"recording": _recording, "frame": _frames}.items()
+    for kind, make in {"recording": _recording, "frame": _frames, "contact": _contacts}.items()
     for targets in (1, 4, SLOTS)
 )
 """A scan of each kind with one target, four, and as many as there are slots."""
