@@ -30,6 +30,7 @@ from faintrack.kinds.recording.build import (
 )
 from faintrack.kinds.recording.channels import FRAMES, LoudFrames
 from faintrack.kinds.recording.heading import STARBOARD, TRUE_BEARING, read_course, with_true_bearing
+from faintrack.kinds.recording.hum import about_hum
 from faintrack.kinds.recording.sections import RecordingScenario
 from faintrack.kinds.recording.trace import COMPONENTS, with_trace_velocity
 from faintrack.kinds.several import Tracker, about_targets, with_targets
@@ -190,8 +191,8 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
     # Of a run that is taken up again it is not known what was heard before.
     heard = np.ones(recording.channels, bool)
     loud = LoudFrames(beamformer)
-    snr_db, ends = _levels(scenario, array, beamformer, tones), set[int]()
-    loudest_db = snr_db[1]
+    loudest_db, ends = _levels(scenario, array, beamformer, tones)[1], set[int]()
+    heard_at: dict[int, float] = {}
 
     def read(start: int, stop: int) -> Samples:
         block = framed(clean.recording, length, start, min(stop, count) - start)
@@ -208,6 +209,10 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
         loud.take(
             start, block.samples, np.asarray(estimates.existence).reshape(len(usable), -1), np.asarray(outputs[1])
         )
+        if tones is not None:
+            declared = np.asarray(estimates.label) > 0
+            labels, hertz = (np.asarray(x)[declared] for x in (estimates.label, estimates.mean.frequency))
+            heard_at.update(zip(labels.tolist(), hertz.tolist(), strict=True))
         ends.update(np.unique(estimates.label[np.asarray(estimates.mean.snr_db) > loudest_db - AT_END_DB]).tolist())
         heading = None if course is None else course.at(np.arange(start, start + len(usable)))
         return _dataset(block.time, usable, *outputs, array, recording, scenario.analysis.frame, heading)
@@ -223,6 +228,7 @@ def plan(recording: Recording, scenario: RecordingScenario) -> Plan:
             *clean.remarks(),
             *_rest(recording, count * length),
             *_louder(ends - {0}, loudest_db),
+            *about_hum(heard_at),
         )
 
     return Plan(
