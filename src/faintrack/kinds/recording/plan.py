@@ -378,7 +378,7 @@ def _dataset(
         estimates = with_true_bearing(estimates, heading)
         components = (*components, TRUE_BEARING, *(() if array.circular else (STARBOARD,)))
     if hasattr(estimates.mean, "frequency"):
-        components = (*components, Component("frequency", "Hz", place=True))
+        components = (*components, Component("frequency", "Hz"))
     if hasattr(estimates.mean, "elevation"):
         estimates, components = with_trace_velocity(estimates, array.sound_speed), (*components, *COMPONENTS)
     data = estimated(time, estimates, components)
