@@ -281,6 +281,7 @@ def test_a_file_is_looked_at_again_where_that_is_asked_for(
     pd.testing.assert_frame_equal(states(store, "north"), states(whole, "north"), check_exact=True)
 
 
+@pytest.mark.slow
 def test_results_of_files_that_are_gone_stay(north: Path, tmp_path: Path) -> None:
     """Recordings may be removed when their chain is done; before, what goes on from them waits until they are back."""
     store, later, away = tmp_path / "store", tmp_path / "later" / "north", tmp_path / "away"

@@ -67,6 +67,7 @@ def test_wrong_channel_count(folder: Path) -> None:
     refuse_track(folder, "three.wav", names=("three.wav", "3 channels", "has 4"))
 
 
+@pytest.mark.slow
 def test_channel_that_is_never_finite(folder: Path) -> None:
     samples = np.random.default_rng(0).normal(size=(4000, 4))
     samples[:, 2] = np.nan

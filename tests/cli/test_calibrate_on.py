@@ -37,6 +37,7 @@ def test_calibrate_writes_the_scenario_that_track_takes(frames: Path, tmp_path: 
     assert "exists" in again.err
 
 
+@pytest.mark.slow
 def test_json_and_quiet_stretches(frames: Path) -> None:
     done = call("calibrate", frames, *ALONE, "--false-tracks", "60/h", "--quiet", "0:5,6:12", "--json")
     found = json.loads(done.out)

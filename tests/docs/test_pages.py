@@ -24,6 +24,12 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 PAGES = [page for page in PAGES if not {"_build", "gallery"} & set(page.relative_to(ROOT).parts)]
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LONG = {
+    "track_contacts",
+    "truth",
+    "array_file",
+    "export",
+    "live",
+    "tones",
     "track_active_sonar",
     "track_bearings",
     "track_images",

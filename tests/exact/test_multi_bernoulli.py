@@ -95,6 +95,7 @@ def test_two_that_pass_are_followed_and_one_that_leaves_is_gone() -> None:
         assert np.all(np.hypot(*(at[:, None] - true).transpose(2, 0, 1)).min(axis=1) < NEAR)
 
 
+@pytest.mark.slow
 def test_a_scan_without_a_reading_leaves_what_was_forecast() -> None:
     """Existence exactly, places to within what resampling does."""
     before, after = followed().before, followed().after

@@ -91,6 +91,7 @@ print(made, result.data.existence.values.tobytes().hex())
 """
 
 
+@pytest.mark.slow
 def test_the_next_process_finds_it_and_a_file_cut_short_is_made_again(tmp_path: Path) -> None:
     def ran() -> tuple[str, str]:
         told = subprocess.run(

@@ -49,6 +49,7 @@ def test_a_wave_from_above_is_at_its_bearing(elevation: float) -> None:
     assert np.concatenate(inside).mean() >= 0.98
 
 
+@pytest.mark.slow
 def test_a_wave_from_above_that_is_taken_for_level_is_told() -> None:
     result = tracked(scenario(source(60.0)))
     (remark,) = [remark for remark in result.misfits if "crosses the array" in remark]

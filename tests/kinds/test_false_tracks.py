@@ -27,6 +27,7 @@ def profiles(scans: int, seed: int) -> ft.Sequence:
     return ft.from_frames(np.random.default_rng(seed).exponential(size=(scans, 12)).astype(np.float32))
 
 
+@pytest.mark.slow
 def test_counted_tracks_are_as_many_as_promised() -> None:
     """120 an hour: 200 in 6,000 s of the noise that the threshold was found on, and in other noise as many.
 
@@ -92,6 +93,7 @@ def test_a_scenario_says_how_its_threshold_was_found(tmp_path: Path) -> None:
     ft.track(data("frames"), tmp_path / "scenario.toml", false_tracks="24/day")
 
 
+@pytest.mark.slow
 def test_the_model_promises_where_it_is_a_likelihood_ratio() -> None:
     """By the section, by the option, and as `follow` takes it; a rate that allows all declares at one half."""
     frames = data("frames")

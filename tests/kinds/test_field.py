@@ -85,6 +85,7 @@ class TestArrays:
         assert [told in check for check in checks if told] == ([] if told is None else [True])
 
 
+@pytest.mark.slow
 def test_remarks_are_told_once_and_before_the_run(wav: Path) -> None:
     said: list[str] = []
     sections = {"analysis": {"frame": 0.5}, "filter": {"particles": 60, "births": 30}}
@@ -249,6 +250,7 @@ def test_bearings_in_files_lie_in_the_range_that_is_told(crossing: Path) -> None
     assert abs(track.average("bearing")) > 150
 
 
+@pytest.mark.slow
 def test_a_line_over_180_degrees_is_cut_as_geojson_wants_it(tmp_path: Path) -> None:
     result = ft.track(ft.from_records(records(30)), scenario())
     data, (track,) = result.data, result.tracks

@@ -123,6 +123,7 @@ def doppler(first: float, leaves: int = COUNT) -> Sequence:
 DOPPLER = {"frames": {"background": "none"}, "cells": {"amplitude": "swerling1", "levels": [SNR]}}
 
 
+@pytest.mark.slow
 def test_particles_follow_where_a_doppler_axis_says_the_rate() -> None:
     result = ft.track(doppler(2.0), DOPPLER | PARTICLES)
     (track,) = result.tracks

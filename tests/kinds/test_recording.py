@@ -35,6 +35,7 @@ def test_following_equals_tracking() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_source_that_takes_over_begins_a_new_track() -> None:
     heard = recording(Source(0.0, 0.8, end=10.0), Source(0.0, 2.2, start=10.0))
     result = ft.track(heard, array=ARRAY)
@@ -66,6 +67,7 @@ def test_a_loud_source_has_one_label_from_its_first_frame_on(level: float) -> No
     assert result.remarks == ("The SNR of target 1 is at the upper end of target.snr_db, 20 dB, or beyond it.",)
 
 
+@pytest.mark.slow
 def test_a_target_for_which_there_is_no_room_is_told() -> None:
     two = recording(Source(0.0, 0.8), Source(0.0, 2.2), Source(0.0, 1.5), duration=5.0)
     result = ft.track(two, array=ARRAY, tracker={"targets": 2})

@@ -80,6 +80,7 @@ def louder(decibel: float, present: bool, seed: int = 3) -> Returns:
     return replace(quiet, power=quiet.power * 10 ** (decibel / 10))
 
 
+@pytest.mark.slow
 def test_louder_noise_is_learnt_and_told() -> None:
     """Noise 3 dB louder than the model's has 90 returns a ping in place of 1.7."""
     result = ft.track(louder(3.0, present=False), scenario())

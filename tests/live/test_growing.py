@@ -226,6 +226,7 @@ def test_what_the_page_is_sent_tells_a_map(images: Path) -> None:
     assert f"faintrack_scans_total {SIMULATED}\n" in exposition(watch.status, watch.counts, event)
 
 
+@pytest.mark.slow
 def test_a_watch_that_ended_early_is_begun_anew(images: Path, tmp_path: Path) -> None:
     """A few images tell too little to choose by."""
     few, out, stop, told = tmp_path / "few", tmp_path / "watch", threading.Event(), []

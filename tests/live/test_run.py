@@ -85,6 +85,7 @@ def test_what_does_not_fit_is_told_while_it_runs(folder: Path) -> None:
     assert ft.read_result(parts[-1]).misfits == (misfits[-1],)
 
 
+@pytest.mark.slow
 def test_a_watch_that_stops_goes_on_with_the_same_bits(folder: Path) -> None:
     """Stopped after twelve scans and started again: the parts are whole results, and together the run of the file."""
     stop, out, seen = threading.Event(), folder / "watch", []
@@ -260,6 +261,7 @@ def test_bad_input_is_one_sentence(
     assert done.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_stream_without_a_frame_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     for name, count in (("none.raw", 0), ("short.raw", 300)):

@@ -23,6 +23,7 @@ def held() -> ft.Result:
     return ft.track(RECORDING, array=ARRAY)
 
 
+@pytest.mark.slow
 def test_written_in_pieces_equals_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(folders, "CHUNK", 4)
     monkeypatch.setattr("faintrack.kinds.recording.plan.LONGEST_BLOCK", 2)
