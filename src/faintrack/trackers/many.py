@@ -323,7 +323,8 @@ class ManyTargetsTracker(eqx.Module):
             updated, log_evidence = tempered(belief, partial(self._closely, scan), for_steps)
         else:
             ratio = log_ratios(self._of_hand, scan, belief.states)
-            updated, log_evidence = update(belief, beside_undetected(ratio, sought))
+            own = self._of_hand.alike(scan, belief.states, jax.tree.map(lambda x: x[None], moments(belief)[0]))[0]
+            updated, log_evidence = update(belief, beside_undetected(ratio, sought, own))
         gained = jnp.logaddexp(jax.nn.log_sigmoid(observable) + log_evidence, jax.nn.log_sigmoid(-observable))
         observable = observable + log_evidence
         if particles:

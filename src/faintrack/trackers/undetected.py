@@ -7,14 +7,15 @@ position x whatever the velocity, the background of the target in hand is a mixt
 
 .. math:: \frac{\ell(x)}{1 + \rho(x) \max_{C(x)} \ell}, \qquad \rho(x) = q \sum_{C(x)} w ,
 
-at most :math:`1 / \rho`. Within a place ratios are to each other as before.
+at most :math:`1 / \rho`. Within a place ratios are to each other as before. Where the target in hand is believed to be
+no other is sought, and its ratio stays as it is.
 """
 
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from faintrack.beliefs.belief import Belief
 from faintrack.beliefs.components import components, rates
@@ -23,13 +24,16 @@ AROUND = 2
 """Cells on either side that are one place."""
 
 
-def beside_undetected(log_ratio: Float[Array, "..."], sought: Belief) -> Float[Array, "..."]:
+def beside_undetected(
+    log_ratio: Float[Array, "..."], sought: Belief, own: Bool[Array, "..."] | bool = False
+) -> Float[Array, "..."]:
     """Log ratio of a target in hand beside one that is not (the module's equation).
 
     Parameters
     ----------
     log_ratio : of every cell; broadcasts to the cells of the belief.
     sought : belief about a target that is not in hand, on the same grid.
+    own : cells in which none is sought beside the target in hand.
 
     Examples
     --------
@@ -46,7 +50,8 @@ def beside_undetected(log_ratio: Float[Array, "..."], sought: Belief) -> Float[A
     loudest = _over_places(jax.lax.max, -jnp.inf, jnp.max(whole, axis=others, keepdims=True), places)
     weights = jnp.sum(jnp.exp(sought.log_weights), axis=others, keepdims=True)
     there = _over_places(jax.lax.add, 0.0, weights, places)
-    return whole - jnp.logaddexp(0.0, jax.nn.log_sigmoid(sought.log_odds) + jnp.log(there) + loudest)
+    shared = jnp.logaddexp(0.0, jax.nn.log_sigmoid(sought.log_odds) + jnp.log(there) + loudest)
+    return jnp.where(own, whole, whole - shared)
 
 
 def _places(states: Any) -> tuple[int, ...]:
