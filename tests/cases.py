@@ -26,7 +26,7 @@ from faintrack.filters.grid import GridFilter
 from faintrack.filters.separable import separable
 from faintrack.filters.shifts import Shifts
 from faintrack.likelihoods.beam_energies import BeamEnergies
-from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
+from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
 from faintrack.likelihoods.cells import (
     CellLikelihood,
     gaussian,
@@ -36,7 +36,7 @@ from faintrack.likelihoods.cells import (
     swerling1,
 )
 from faintrack.likelihoods.clutter import ClutterLikelihood
-from faintrack.likelihoods.contact_sets import ContactSetLikelihood, ContactsOfPairsLikelihood
+from faintrack.likelihoods.contact_sets import ContactSetLikelihood
 from faintrack.likelihoods.contacts import BearingContact, Contact, GaussianContact, RangeDetection, Together
 from faintrack.likelihoods.exceedances import ExceedanceLikelihood
 from faintrack.likelihoods.guided import Guided
@@ -45,6 +45,7 @@ from faintrack.likelihoods.lobe_width import lobe_width_likelihood
 from faintrack.likelihoods.multistatic import Multistatic
 from faintrack.likelihoods.protocols import with_others
 from faintrack.likelihoods.random_points import RandomPoints
+from faintrack.likelihoods.several_sets import SeveralSetsLikelihood
 from faintrack.likelihoods.superposed import SuperposedLikelihood
 from faintrack.likelihoods.unknown_level import UnknownLevel
 from faintrack.likelihoods.unknown_noise import UnknownNoise
@@ -54,11 +55,12 @@ from faintrack.likelihoods.white_signal import WhiteSignal
 from faintrack.sensors.active import ActiveSonar, Ping, Pulse
 from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan
-from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
 from faintrack.sensors.bistatic import Bistatic, fixed
 from faintrack.sensors.cells import Cells, CellScan
-from faintrack.sensors.contact_sets import ContactSensor, ContactSet, ContactsOfPairs
+from faintrack.sensors.contact_sets import ContactSensor, ContactSet
 from faintrack.sensors.multistatic import Pings
+from faintrack.sensors.several_sets import SeveralSets
 from faintrack.sensors.stations import EnergyScan, Fans, Stations
 from faintrack.sensors.superposed import SensorNetwork, inverse_square, picture
 from faintrack.sensors.tones import ToneScan
@@ -291,8 +293,8 @@ def bearings_case(dtype: type) -> Case:
 def observers_case(dtype: type) -> Case:
     sensor = dataclasses.replace(SENSOR, error=0.15)
     sets = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), bearings(dtype))
-    scan = ObserverSets(jnp.zeros((), dtype), sets, jnp.array([True, True]))
-    likelihood = ObserversLikelihood(BearingSetLikelihood(sensor))
+    scan = SeveralSets(jnp.zeros((), dtype), sets, jnp.array([True, True]))
+    likelihood = SeveralSetsLikelihood(BearingSetLikelihood(sensor))
     return Case(likelihood, scan, row(PlanarState, dtype, *HEARD))
 
 
@@ -331,8 +333,8 @@ def contacts_of_pairs_case(dtype: type) -> Case:
     one = contact_set(dtype)
     one = dataclasses.replace(one, values=one.values[:, :2])
     sets = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), one)
-    scan = ContactsOfPairs(jnp.zeros((), dtype), sets, jnp.array([True, True]))
-    likelihood = ContactsOfPairsLikelihood(ContactSetLikelihood(sensor))
+    scan = SeveralSets(jnp.zeros((), dtype), sets, jnp.array([True, True]))
+    likelihood = SeveralSetsLikelihood(ContactSetLikelihood(sensor))
     return Case(likelihood, scan, row(PlanarState, dtype, *ECHOING), MANY)
 
 

@@ -11,10 +11,12 @@ import pytest
 from scipy.stats import norm, poisson
 
 from faintrack.errors import InputError
-from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
+from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
 from faintrack.likelihoods.contacts import Together
+from faintrack.likelihoods.several_sets import SeveralSetsLikelihood
 from faintrack.sensors.bearing_draws import draw_bearing_set
-from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets, bearing_set
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, bearing_set
+from faintrack.sensors.several_sets import SeveralSets
 from faintrack.targets.states import PlanarState
 from tests.tolerances import STANDARD_ERRORS, errors_apart, rounding
 
@@ -141,7 +143,7 @@ def test_two_observers_add_their_log_ratios() -> None:
     np.testing.assert_allclose(both, one.log_ratio(first, states) + one.log_ratio(second, states), rtol=1e-6)
     sets = jax.tree.map(lambda *parts: jnp.stack(parts), first, second)
     for heard, expected in ([True, True], both), ([True, False], one.log_ratio(first, states)):
-        told = ObserversLikelihood(one).log_ratio(ObserverSets(jnp.array(2.0), sets, jnp.array(heard)), states)
+        told = SeveralSetsLikelihood(one).log_ratio(SeveralSets(jnp.array(2.0), sets, jnp.array(heard)), states)
         np.testing.assert_allclose(told, expected, rtol=1e-6)
 
 

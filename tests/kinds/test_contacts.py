@@ -19,7 +19,8 @@ from faintrack.kinds.stretches import of_returns
 from faintrack.kinds.surrogates import exchanged
 from faintrack.results.result import Result
 from faintrack.sensors.bistatic import Bistatic, fixed
-from faintrack.sensors.contact_sets import ContactSet, ContactsOfPairs
+from faintrack.sensors.contact_sets import ContactSet
+from faintrack.sensors.several_sets import SeveralSets
 from tests.contacts import INTERVAL, PINGS, SCENARIO, drawn, scenario
 from tests.kinds.refusing import refuse
 
@@ -208,7 +209,7 @@ def fit_of(values: np.ndarray, **fields: Any) -> Fit:
     shape = 40, 1, len(values)
     here = Bistatic(fixed(0.0, 0.0), fixed(0.0, 0.0))
     held = ContactSet(jnp.zeros(shape[:2]), jnp.broadcast_to(values, (*shape, 2)), jnp.ones(shape, bool), here)
-    fit.add(ContactsOfPairs(jnp.zeros(40), held, jnp.ones((40, 1), bool)), np.zeros(shape))
+    fit.add(SeveralSets(jnp.zeros(40), held, jnp.ones((40, 1), bool)), np.zeros(shape))
     return fit
 
 

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from faintrack.errors import InputError
-from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
-from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets, bearing_set
+from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
+from faintrack.likelihoods.several_sets import SeveralSetsLikelihood
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, bearing_set
+from faintrack.sensors.several_sets import SeveralSets
 from faintrack.targets.births import NormalBirth, RangeBirth
 from faintrack.targets.states import PlanarState
 from tests.tolerances import assert_mean, assert_same_mean
@@ -68,8 +70,8 @@ def test_draws_where_observers_agree_stand_for_the_birth_density() -> None:
         bearing_set(SENSOR, 0.0, np.array(z), at, 4) for z, at in zip([[0.6, 1.8], [1.5], []], seconds, strict=True)
     ]
     sets = jax.tree.map(lambda *parts: jnp.stack(parts), *heard)
-    scan = ObserverSets(jnp.array(0.0), sets, jnp.array([True, True, False]))
-    likelihood = ObserversLikelihood(BearingSetLikelihood(SENSOR))
+    scan = SeveralSets(jnp.array(0.0), sets, jnp.array([True, True, False]))
+    likelihood = SeveralSetsLikelihood(BearingSetLikelihood(SENSOR))
     draw = eqx.filter_jit(lambda key: likelihood.propose(scan, BIRTH, key, 400))
     told, ratios = [], []
     for key in jax.random.split(jax.random.key(4), 60):

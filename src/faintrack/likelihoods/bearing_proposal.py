@@ -10,7 +10,6 @@ with V the width of the sector and :math:`\alpha` one half, and have the weight 
 density of the draws, at most 2. They so stand for the birth density, and land where a target can be.
 """
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -21,7 +20,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from faintrack.likelihoods.beam_proposal import EVERYWHERE
 from faintrack.likelihoods.protocols import Likelihood
 from faintrack.numerics.resampling import systematic
-from faintrack.sensors.bearing_sets import BearingSet, ObserverSets
+from faintrack.sensors.bearing_sets import BearingSet
 from faintrack.targets.births import RangeBirth
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Birth
@@ -85,24 +84,6 @@ def along_bearings(
     inside = sensor.after_start(bearing) <= sensor.width
     log_weights = jnp.where(inside, -jnp.log(drawn), -jnp.inf).astype(dtype)
     return birth.turned_to(states, scan.observer, bearing), log_weights
-
-
-def where_bearings_agree(
-    likelihood: Any, scan: ObserverSets, birth: Birth, key: PRNGKeyArray, count: int
-) -> tuple[PlanarState, Float[Array, " count"]]:
-    """Draw states of new targets, half of them where the bearings of all observers at a time say.
-
-    They are chosen by `where_likely`, from states along the bearings of the first observer that reported where births
-    are at a range, otherwise from the birth density. For a lone observer with births at a range it is `along_bearings`
-    itself.
-
-    Parameters and results as of `along_bearings`; the likelihood is that of all observers, the birth density any in the
-    plane.
-    """
-    if not isinstance(birth, RangeBirth):
-        return where_likely(likelihood, scan, birth, key, count)
-    first = functools.partial(along_bearings, likelihood.each, scan.first(), birth)
-    return first(key, count) if scan.heard.shape[-1] == 1 else where_likely(likelihood, scan, birth, key, count, first)
 
 
 def where_likely(

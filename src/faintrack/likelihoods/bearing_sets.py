@@ -22,6 +22,7 @@ sign of a target. A scan without bearings rules the target out in the published 
 """
 
 import dataclasses
+import functools
 from typing import Any
 
 import equinox as eqx
@@ -29,10 +30,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.likelihoods.bearing_proposal import along_bearings, where_bearings_agree, where_likely
+from faintrack.likelihoods.bearing_proposal import Candidates, along_bearings, where_likely
 from faintrack.numerics.trigonometry import arctan2
 from faintrack.sensors.bearing_draws import draw_bearing_set
-from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
 from faintrack.targets.births import RangeBirth
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Birth
@@ -142,13 +143,16 @@ class BearingSetLikelihood(eqx.Module):
         off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
         return jnp.abs(off) <= APART * self.sensor.error
 
+    def candidates(self, scan: BearingSet, birth: Birth) -> Candidates | None:
+        """Function of (key, count) to new targets along the bearings of the scan; None of births that have no range."""
+        return functools.partial(along_bearings, self, scan, birth) if isinstance(birth, RangeBirth) else None
+
     def propose(
         self, scan: BearingSet, birth: Birth, key: PRNGKeyArray, count: int
     ) -> tuple[PlanarState, Float[Array, " count"]]:
-        """New targets along the bearings of the scan, see `faintrack.likelihoods.bearing_proposal`."""
-        if isinstance(birth, RangeBirth):
-            return along_bearings(self, scan, birth, key, count)
-        return where_likely(self, scan, birth, key, count)
+        """New targets as `candidates`, or where the ratio of states of the birth density is large."""
+        candidates = self.candidates(scan, birth)
+        return where_likely(self, scan, birth, key, count) if candidates is None else candidates(key, count)
 
     def simulate(
         self, scan: BearingSet, states: PlanarState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
@@ -179,59 +183,3 @@ class BearingSetLikelihood(eqx.Module):
             each = each - jnp.log(scan.crowding).reshape(entry)
         each = jnp.where(scan.there.reshape(entry), each, -jnp.inf)
         return jnp.log1p(-detected), each, sensor.after_start(expected) <= sensor.width
-
-
-class ObserversLikelihood(eqx.Module):
-    """Log ratio of what several observers report at one time: the sum of theirs (stone2002, section 2.4.3).
-
-    Attributes
-    ----------
-    each : of every observer; their sensors are alike.
-    """
-
-    each: BearingSetLikelihood
-
-    @eqx.filter_jit
-    def log_ratio(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:
-        """Natural log of p(all bearings | target at state) / p(all bearings | no target)."""
-        told = jax.vmap(self.each.log_ratio, in_axes=(0, None))(scan.sets, states)
-        return jnp.where(scan.heard.reshape(-1, *(1,) * (told.ndim - 1)), told, 0).sum(axis=0)
-
-    def part(
-        self, scan: ObserverSets, states: Any, log_weights: Float[Array, " point"]
-    ) -> Float[Array, "observer entry"]:
-        """As of `BearingSetLikelihood.part`, for every observer."""
-        return jax.vmap(self.each.part, in_axes=(0, None, None))(scan.sets, states, log_weights)
-
-    def beside(
-        self, scan: ObserverSets, parts: Float[Array, "target observer entry"], existence: Float[Array, " target"]
-    ) -> ObserverSets:
-        """Scan with other targets as part of every observer's background."""
-        beside = jax.vmap(self.each.beside, in_axes=(0, 1, None))
-        return dataclasses.replace(scan, sets=beside(scan.sets, parts, existence))
-
-    def alike(self, scan: ObserverSets, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
-        """Whether targets have one bearing from every observer that reported."""
-        close = jax.vmap(self.each.alike, in_axes=(0, None, None))(scan.sets, states, centres)
-        heard = scan.heard.reshape(-1, *(1,) * (close.ndim - 1))
-        return jnp.all(close | ~heard, axis=0) & jnp.any(heard, axis=0)
-
-    def propose(
-        self, scan: ObserverSets, birth: Birth, key: PRNGKeyArray, count: int
-    ) -> tuple[PlanarState, Float[Array, " count"]]:
-        """New targets where the bearings of all observers agree, see `faintrack.likelihoods.bearing_proposal`."""
-        return where_bearings_agree(self, scan, birth, key, count)
-
-    def simulate(
-        self, scan: ObserverSets, states: PlanarState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
-    ) -> ObserverSets:
-        """What all observers report of one target; one that did not report has nothing."""
-        keys = jax.random.split(key, scan.heard.shape[-1])
-        sets = jax.vmap(lambda each, key: self.each.simulate(each, states, present, key))(scan.sets, keys)
-        there = sets.there & scan.heard[:, None]
-        return dataclasses.replace(scan, sets=dataclasses.replace(sets, there=there))
-
-    @eqx.filter_jit
-    def association(self, scan: ObserverSets, states: Any) -> Float[Array, "..."]:
-        """Probability of every entry to be the target's bearing, shape (observer, entry, ...)."""
-        return jax.vmap(self.each.association, in_axes=(0, None))(scan.sets, states)

@@ -16,18 +16,16 @@ With R the range and u the unit vectors to the target, from the source S and the
 and 1 / R where ranges are measured. Velocities, of which a contact without Doppler says nothing, are the births'.
 """
 
-import functools
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from faintrack.likelihoods.bearing_proposal import where_likely
 from faintrack.sensors.bistatic import Bistatic
-from faintrack.sensors.contact_sets import BEARING, ContactSensor, ContactSet, ContactsOfPairs
+from faintrack.sensors.contact_sets import BEARING, ContactSensor, ContactSet
 from faintrack.targets.states import PlanarState
-from faintrack.targets.target import Birth, UniformBirth
+from faintrack.targets.target import UniformBirth
 
 ELSEWHERE = 0.1
 """Share of the draws that are from the birth density."""
@@ -99,21 +97,6 @@ def about_contacts(
     inside = (states.x >= low.x) & (states.x <= high.x) & (states.y >= low.y) & (states.y <= high.y)
     inside = inside & (_range(scan.pair, states) > NEAREST)
     return states, jnp.where(inside, -log_drawn, -jnp.inf).astype(dtype)
-
-
-def where_contacts_agree(
-    likelihood: Any, scan: ContactsOfPairs, birth: Birth, key: PRNGKeyArray, count: int
-) -> tuple[PlanarState, Float[Array, " count"]]:
-    """Draw states of new targets, half of them where the contacts of all pairs at a time say.
-
-    They are chosen by `faintrack.likelihoods.bearing_proposal.where_likely` from states about the contacts of the first
-    pair that reported, or from the birth density where that is no box; for a lone pair and a box it is `about_contacts`
-    itself. Parameters and results as of that.
-    """
-    if not isinstance(birth, UniformBirth):
-        return where_likely(likelihood, scan, birth, key, count)
-    first = functools.partial(about_contacts, likelihood.each, scan.first(), birth)
-    return first(key, count) if scan.heard.shape[-1] == 1 else where_likely(likelihood, scan, birth, key, count, first)
 
 
 def _place(

@@ -13,6 +13,7 @@ detector; where a detector has made one contact of each echo, that likelihood is
 """
 
 import dataclasses
+import functools
 from typing import Any
 
 import equinox as eqx
@@ -20,10 +21,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from faintrack.likelihoods.bearing_proposal import where_likely
-from faintrack.likelihoods.contact_proposal import about_contacts, where_contacts_agree
+from faintrack.likelihoods.bearing_proposal import Candidates, where_likely
+from faintrack.likelihoods.contact_proposal import about_contacts
 from faintrack.sensors.contact_draws import draw_contact_set
-from faintrack.sensors.contact_sets import ContactSensor, ContactSet, ContactsOfPairs
+from faintrack.sensors.contact_sets import ContactSensor, ContactSet
 from faintrack.targets.states import PlanarState
 from faintrack.targets.target import Birth, UniformBirth
 
@@ -113,13 +114,16 @@ class ContactSetLikelihood(eqx.Module):
         off = jnp.stack(jnp.broadcast_arrays(*self.sensor.off(middles, expected)))
         return jnp.all(jnp.abs(off) <= APART, axis=0)
 
+    def candidates(self, scan: ContactSet, birth: Birth) -> Candidates | None:
+        """Function of (key, count) to new targets about the contacts of the ping; None of births that fill no box."""
+        return functools.partial(about_contacts, self, scan, birth) if isinstance(birth, UniformBirth) else None
+
     def propose(
         self, scan: ContactSet, birth: Birth, key: PRNGKeyArray, count: int
     ) -> tuple[PlanarState, Float[Array, " count"]]:
-        """New targets about the contacts of the ping, see `faintrack.likelihoods.contact_proposal`."""
-        if isinstance(birth, UniformBirth):
-            return about_contacts(self, scan, birth, key, count)
-        return where_likely(self, scan, birth, key, count)
+        """New targets as `candidates`, or where the ratio of states of the birth density is large."""
+        candidates = self.candidates(scan, birth)
+        return where_likely(self, scan, birth, key, count) if candidates is None else candidates(key, count)
 
     def simulate(
         self, scan: ContactSet, states: PlanarState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
@@ -147,59 +151,3 @@ class ContactSetLikelihood(eqx.Module):
             each = each - jnp.log(scan.crowding).reshape(entry)
         each = jnp.where(scan.there.reshape(entry), each, -jnp.inf)
         return jnp.log1p(-sensor.detection_probability * sensor.inside(expected)), each
-
-
-class ContactsOfPairsLikelihood(eqx.Module):
-    """Log ratio of what several pairs report of one ping: the sum of theirs (stone2002, section 2.4.3).
-
-    Attributes
-    ----------
-    each : of every pair; what they report is alike.
-    """
-
-    each: ContactSetLikelihood
-
-    @eqx.filter_jit
-    def log_ratio(self, scan: ContactsOfPairs, states: Any) -> Float[Array, "..."]:
-        """Natural log of p(all contacts | target at state) / p(all contacts | no target)."""
-        ratios = jax.vmap(self.each.log_ratio, in_axes=(0, None))(scan.sets, states)
-        return jnp.where(scan.heard.reshape(-1, *(1,) * (ratios.ndim - 1)), ratios, 0).sum(axis=0)
-
-    def part(
-        self, scan: ContactsOfPairs, states: Any, log_weights: Float[Array, " point"]
-    ) -> Float[Array, "pair entry"]:
-        """What a target adds to the density of the false contacts of every pair."""
-        return jax.vmap(self.each.part, in_axes=(0, None, None))(scan.sets, states, log_weights)
-
-    def beside(
-        self, scan: ContactsOfPairs, parts: Float[Array, "target pair entry"], existence: Float[Array, " target"]
-    ) -> ContactsOfPairs:
-        """Scan with other targets as part of every pair's background."""
-        beside = jax.vmap(self.each.beside, in_axes=(0, 1, None))
-        return dataclasses.replace(scan, sets=beside(scan.sets, parts, existence))
-
-    def alike(self, scan: ContactsOfPairs, states: Any, centres: Any) -> Bool[Array, "centre *points"]:
-        """Whether targets have one contact at every pair that reported."""
-        close = jax.vmap(self.each.alike, in_axes=(0, None, None))(scan.sets, states, centres)
-        heard = scan.heard.reshape(-1, *(1,) * (close.ndim - 1))
-        return jnp.all(close | ~heard, axis=0) & jnp.any(heard, axis=0)
-
-    def propose(
-        self, scan: ContactsOfPairs, birth: Birth, key: PRNGKeyArray, count: int
-    ) -> tuple[PlanarState, Float[Array, " count"]]:
-        """New targets where the contacts of all pairs agree, see `faintrack.likelihoods.contact_proposal`."""
-        return where_contacts_agree(self, scan, birth, key, count)
-
-    def simulate(
-        self, scan: ContactsOfPairs, states: PlanarState, present: Bool[Array, ""] | bool, key: PRNGKeyArray
-    ) -> ContactsOfPairs:
-        """What all pairs report of one target; one that did not report has nothing."""
-        keys = jax.random.split(key, scan.heard.shape[-1])
-        sets = jax.vmap(lambda each, key: self.each.simulate(each, states, present, key))(scan.sets, keys)
-        there = sets.there & scan.heard[:, None]
-        return dataclasses.replace(scan, sets=dataclasses.replace(sets, there=there))
-
-    @eqx.filter_jit
-    def association(self, scan: ContactsOfPairs, states: Any) -> Float[Array, "..."]:
-        """Probability of every entry to be the target's contact, shape (pair, entry, ...)."""
-        return jax.vmap(self.each.association, in_axes=(0, None))(scan.sets, states)

@@ -86,26 +86,6 @@ class BearingSet(eqx.Module):
     crowding: Float[Array, "*scan entry"] | None = None
 
 
-class ObserverSets(eqx.Module):
-    """What several observers report at one time, or a stack of that.
-
-    Attributes
-    ----------
-    time : seconds.
-    sets : one an observer; the axis of the observers follows those of `time`.
-    heard : whether an observer reported, if only that it heard nothing.
-    """
-
-    time: Float[Array, "*scan"]
-    sets: BearingSet
-    heard: Bool[Array, "*scan observer"]
-
-    def first(self) -> BearingSet:
-        """Of one time, the set of the first observer that reported."""
-        chosen = jnp.argmax(self.heard)
-        return jax.tree.map(lambda leaf: leaf[chosen], self.sets)
-
-
 def bearing_set(
     sensor: BearingSensor, time: float, bearings: np.ndarray, observer: PlanarState, capacity: int
 ) -> BearingSet:

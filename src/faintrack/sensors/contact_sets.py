@@ -161,26 +161,6 @@ class ContactSet(eqx.Module):
     crowding: Float[Array, "*scan entry"] | None = None
 
 
-class ContactsOfPairs(eqx.Module):
-    """What several pairs of a source and a receiver report of one ping, or a stack of that.
-
-    Attributes
-    ----------
-    time : seconds.
-    sets : one a pair; the axis of the pairs follows those of `time`.
-    heard : whether a pair reported, if only that it heard nothing.
-    """
-
-    time: Float[Array, "*scan"]
-    sets: ContactSet
-    heard: Bool[Array, "*scan pair"]
-
-    def first(self) -> ContactSet:
-        """Of one time, the set of the first pair that reported."""
-        chosen = jnp.argmax(self.heard)
-        return jax.tree.map(lambda leaf: leaf[chosen], self.sets)
-
-
 def _turned(angle: Float[Array, "..."]) -> Float[Array, "..."]:
     return angle - 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
 

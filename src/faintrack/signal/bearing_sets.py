@@ -5,11 +5,12 @@ import numpy as np
 
 from faintrack.data.bearings import Bearings
 from faintrack.errors import InputError
-from faintrack.sensors.bearing_sets import BearingSensor, BearingSet, ObserverSets
+from faintrack.sensors.bearing_sets import BearingSensor, BearingSet
+from faintrack.sensors.several_sets import SeveralSets
 from faintrack.targets.states import PlanarState
 
 
-def in_sets(bearings: Bearings, sensor: BearingSensor, capacity: int) -> ObserverSets:
+def in_sets(bearings: Bearings, sensor: BearingSensor, capacity: int) -> SeveralSets:
     """Scans with room for so many bearings of each observer; times are from the first.
 
     Parameters
@@ -70,4 +71,4 @@ def in_sets(bearings: Bearings, sensor: BearingSensor, capacity: int) -> Observe
         jnp.asarray(there),
         observer_state,
     )
-    return ObserverSets(jnp.asarray(since, float), sets, jnp.asarray(bearings.heard))
+    return SeveralSets(jnp.asarray(since, float), sets, jnp.asarray(bearings.heard))

@@ -9,14 +9,15 @@ import numpy as np
 from faintrack.data.contacts import Contacts
 from faintrack.errors import InputError
 from faintrack.sensors.bistatic import Bistatic
-from faintrack.sensors.contact_sets import ContactSensor, ContactSet, ContactsOfPairs
+from faintrack.sensors.contact_sets import ContactSensor, ContactSet
+from faintrack.sensors.several_sets import SeveralSets
 from faintrack.signal.pings import capacity_of
 
 EDGE = 1e-9
 """Of a turn, or of the largest value: what is read just beyond an edge by rounding lies on it."""
 
 
-def in_contact_sets(contacts: Contacts, sensor: ContactSensor, pairs: Sequence[Bistatic]) -> ContactsOfPairs:
+def in_contact_sets(contacts: Contacts, sensor: ContactSensor, pairs: Sequence[Bistatic]) -> SeveralSets:
     """Scans with room for the contacts of the largest ping; times are from the first.
 
     Parameters
@@ -88,4 +89,4 @@ def in_contact_sets(contacts: Contacts, sensor: ContactSensor, pairs: Sequence[B
         jnp.asarray(there),
         placed,
     )
-    return ContactsOfPairs(jnp.asarray(since, float), sets, jnp.asarray(contacts.heard))
+    return SeveralSets(jnp.asarray(since, float), sets, jnp.asarray(contacts.heard))

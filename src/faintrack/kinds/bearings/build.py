@@ -7,7 +7,8 @@ import jax.numpy as jnp
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.kinds.bearings.sections import BearingsScenario, BearingsSection
 from faintrack.kinds.several import Tracker, build_several
-from faintrack.likelihoods.bearing_sets import BearingSetLikelihood, ObserversLikelihood
+from faintrack.likelihoods.bearing_sets import BearingSetLikelihood
+from faintrack.likelihoods.several_sets import SeveralSetsLikelihood
 from faintrack.sensors.bearing_sets import BearingSensor
 from faintrack.targets.births import RangeBirth
 from faintrack.targets.motion import PlanarMotion
@@ -67,5 +68,5 @@ def build_tracker(scenario: BearingsScenario, interval: float) -> Tracker:
     motion = PlanarMotion(velocity_noise(scenario))
     target = Target(build_birth(table), motion, known.arrival_rate, known.departure_rate)
     particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
-    likelihood = ObserversLikelihood(BearingSetLikelihood(build_sensor(table)))
+    likelihood = SeveralSetsLikelihood(BearingSetLikelihood(build_sensor(table)))
     return build_several(particles, likelihood, scenario.tracker, interval, guided=True)

@@ -23,7 +23,7 @@ from faintrack.kinds.loop import begun
 from faintrack.kinds.several import Tracker, with_targets
 from faintrack.numerics.precision import full_precision
 from faintrack.results.schema import NORTH, estimated, planar
-from faintrack.sensors.bearing_sets import ObserverSets
+from faintrack.sensors.several_sets import SeveralSets
 from faintrack.signal.bearing_sets import in_sets
 
 BLOCK_SCANS = 64
@@ -38,13 +38,13 @@ class BearingsStep(eqx.Module):
 
     tracker: Tracker
 
-    def scans(self, block: ObserverSets) -> ObserverSets:
+    def scans(self, block: SeveralSets) -> SeveralSets:
         """Some scans."""
         return block
 
     @full_precision
     def advance(
-        self, state: Any, scan: ObserverSets, key: PRNGKeyArray
+        self, state: Any, scan: SeveralSets, key: PRNGKeyArray
     ) -> tuple[Any, tuple[Any, Float[Array, "observer entry"]]]:
         """Tracker after a scan; the estimate, and the probability of every bearing that it is the target's."""
         following, estimate = self.tracker.step(state, scan, key)
@@ -81,10 +81,10 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
         "scan_interval": interval,
     }
 
-    def read(start: int, stop: int) -> ObserverSets:
+    def read(start: int, stop: int) -> SeveralSets:
         return jax.tree.map(lambda values: values[start : min(stop, length)], scans)
 
-    def rows(start: int, block: ObserverSets, outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
+    def rows(start: int, block: SeveralSets, outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
         estimates, association = outputs
         numbers = slice(start, start + len(association))
         data = estimated(since[numbers], estimates, planar())
@@ -106,7 +106,7 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
 
 
 def _of_observers(
-    bearings: Bearings, numbers: slice, block: ObserverSets, association: Float[np.ndarray, "scan observer entry"]
+    bearings: Bearings, numbers: slice, block: SeveralSets, association: Float[np.ndarray, "scan observer entry"]
 ) -> dict[str, Any]:
     """What the observers of some scans reported, whether it was the target's, and where they were."""
     sets, entries = block.sets, ("time", "observer", "entry")

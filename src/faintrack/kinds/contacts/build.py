@@ -13,7 +13,8 @@ from faintrack.errors import InputError
 from faintrack.filters.bernoulli_particle import BernoulliParticleFilter
 from faintrack.kinds.contacts.sections import ContactsScenario, ContactsSection
 from faintrack.kinds.several import Tracker, build_several
-from faintrack.likelihoods.contact_sets import ContactSetLikelihood, ContactsOfPairsLikelihood
+from faintrack.likelihoods.contact_sets import ContactSetLikelihood
+from faintrack.likelihoods.several_sets import SeveralSetsLikelihood
 from faintrack.sensors.bistatic import Bistatic
 from faintrack.sensors.contact_sets import ContactSensor
 from faintrack.targets.motion import PlanarMotion
@@ -155,5 +156,5 @@ def build_tracker(scenario: ContactsScenario, interval: float) -> Tracker:
     motion = PlanarMotion(velocity_noise(scenario))
     target = Target(build_birth(scenario.contacts), motion, known.arrival_rate, known.departure_rate)
     particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
-    likelihood = ContactsOfPairsLikelihood(ContactSetLikelihood(build_sensor(scenario.contacts)))
+    likelihood = SeveralSetsLikelihood(ContactSetLikelihood(build_sensor(scenario.contacts)))
     return build_several(particles, likelihood, scenario.tracker, interval, guided=True)

@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from faintrack.likelihoods.contact_sets import APART
-from faintrack.sensors.contact_sets import BEARING, ContactSensor, ContactsOfPairs
+from faintrack.sensors.contact_sets import BEARING, ContactSensor
+from faintrack.sensors.several_sets import SeveralSets
 
 TENTHS = 10
 """Parts of each component in which false contacts are counted."""
@@ -44,7 +45,7 @@ class Fit:
         self._near, self._chance = 0.0, 0.0
         self._tenths = np.zeros((len(sensor.ends), TENTHS))
 
-    def add(self, scans: ContactsOfPairs, association: Float[np.ndarray, "ping pair entry"]) -> None:
+    def add(self, scans: SeveralSets, association: Float[np.ndarray, "ping pair entry"]) -> None:
         """Add some pings.
 
         Parameters

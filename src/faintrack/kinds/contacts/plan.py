@@ -24,7 +24,8 @@ from faintrack.kinds.loop import begun
 from faintrack.kinds.several import Tracker, with_targets
 from faintrack.numerics.precision import full_precision
 from faintrack.results.schema import NORTH, estimated, planar
-from faintrack.sensors.contact_sets import BEARING, ContactSensor, ContactsOfPairs
+from faintrack.sensors.contact_sets import BEARING, ContactSensor
+from faintrack.sensors.several_sets import SeveralSets
 from faintrack.signal.contact_sets import in_contact_sets
 
 BLOCK_PINGS = 32
@@ -39,13 +40,13 @@ class ContactsStep(eqx.Module):
 
     tracker: Tracker
 
-    def scans(self, block: ContactsOfPairs) -> ContactsOfPairs:
+    def scans(self, block: SeveralSets) -> SeveralSets:
         """Some pings."""
         return block
 
     @full_precision
     def advance(
-        self, state: Any, scan: ContactsOfPairs, key: PRNGKeyArray
+        self, state: Any, scan: SeveralSets, key: PRNGKeyArray
     ) -> tuple[Any, tuple[Any, Float[Array, "pair entry"]]]:
         """Tracker after a ping; the estimate, and the probability of every contact that it is a target's."""
         following, estimate = self.tracker.step(state, scan, key)
@@ -86,10 +87,10 @@ def plan(contacts: Contacts, scenario: ContactsScenario) -> Plan:
         "scan_interval": interval,
     }
 
-    def read(start: int, stop: int) -> ContactsOfPairs:
+    def read(start: int, stop: int) -> SeveralSets:
         return jax.tree.map(lambda values: values[start : min(stop, length)], scans)
 
-    def rows(start: int, block: ContactsOfPairs, outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
+    def rows(start: int, block: SeveralSets, outputs: tuple[Any, np.ndarray]) -> xr.Dataset:
         estimates, association = outputs
         numbers = slice(start, start + len(association))
         fit.add(block, association)
@@ -115,7 +116,7 @@ def plan(contacts: Contacts, scenario: ContactsScenario) -> Plan:
 
 
 def _of_pairs(
-    sensor: ContactSensor, block: ContactsOfPairs, association: Float[np.ndarray, "ping pair entry"]
+    sensor: ContactSensor, block: SeveralSets, association: Float[np.ndarray, "ping pair entry"]
 ) -> dict[str, Any]:
     """Contacts of some pings, the places that they tell, whether they were a target's, and where the platforms were."""
     sets, entries = block.sets, ("time", "pair", "entry")
