@@ -122,7 +122,7 @@ def test_background_is_the_inverse_of_the_covariance() -> None:
     inverse = np.linalg.inv(covariance)
     z, d = spectrum(values, 97.25), wave(97.25, 1.7)
     gain = float(np.vdot(d, inverse @ d).real)
-    heard = LIKELIHOOD.heard(scan, states(1.7, 97.25))
+    heard = LIKELIHOOD.output(scan, states(1.7, 97.25))
     assert float(heard.own[0]) == pytest.approx(abs(np.vdot(d, inverse @ z)) ** 2 / gain, rel=2e-3)
     assert float(heard.louder[0]) == pytest.approx(gain * 10 ** (SNR_DB / 10) * 8 / np.pi**2, rel=2e-3)
     assert float(heard.energy[0]) == pytest.approx(float(np.vdot(z, inverse @ z).real), rel=2e-3)

@@ -60,7 +60,7 @@ from faintrack.sensors.array import SensorArray
 from faintrack.sensors.beams import BeamGrid, BeamScan
 from faintrack.signal.array_background import NoiseModes
 from faintrack.signal.beamformer import Beamformer
-from faintrack.targets.states import Direction, WaveState
+from faintrack.targets.states import Direction, ToneState, WaveState
 
 ORDERS = 4
 """Of the patterns along the array that a snapshot of finite length leaves of a wave."""
@@ -142,7 +142,7 @@ class Sources(eqx.Module):
     elevation_deviation: Float[Array, "*source"] | None = None
 
 
-def source_of(states: Direction, log_weights: Float[Array, " point"]) -> Sources:
+def source_of(states: Direction | ToneState, log_weights: Float[Array, " point"]) -> Sources:
     """One source, certain to be there, from the points of its belief."""
     weights = jnp.exp(log_weights)
     sine, cosine = sine_cosine(states.bearing)

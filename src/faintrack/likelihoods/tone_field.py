@@ -23,8 +23,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from faintrack.likelihoods.array_field import MISPLACED, source_of
 from faintrack.numerics.precision import full_precision
-from faintrack.numerics.trigonometry import sine_cosine
 from faintrack.sensors.tones import FINENESS, PEAK, ToneGrid, ToneScan, envelope
 from faintrack.targets.states import ToneState
 
@@ -36,9 +36,6 @@ REACH = 64
 
 TURN = 1e-3
 """Angle over which a steering vector is differentiated; radians."""
-
-MISPLACED = 0.02
-"""Phase that is not known at the end of an array, however well a bearing is; radians."""
 
 
 class ToneField(eqx.Module):
@@ -80,18 +77,13 @@ def level_of(grid: ToneGrid, snr_db: Float[Array, "*points"]) -> Float[Array, "*
 
 def tone_of(grid: ToneGrid, states: ToneState, log_weights: Float[Array, " point"]) -> Tones:
     """One tone, certain to be there, from the points of its belief."""
-    weights = jnp.exp(log_weights)
-    sine, cosine = sine_cosine(states.bearing)
-    middle = jnp.arctan2(jnp.sum(weights * sine), jnp.sum(weights * cosine))
-    off = states.bearing - middle
-    off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
+    weights, believed = jnp.exp(log_weights), source_of(states, log_weights)
     frequency = jnp.sum(weights * states.frequency)
     width = jnp.sqrt(jnp.sum(weights * (states.frequency - frequency) ** 2))
-    level = level_of(grid, jnp.sum(weights * states.snr_db))
     # A source that turns is heard from as many directions as it passes within a frame.
     passed = jnp.sum(weights * states.bearing_rate) * grid.frame
-    deviation = jnp.sqrt(jnp.sum(weights * off**2) + passed**2 / 12)
-    return Tones(middle, deviation, frequency, width, level)
+    deviation = jnp.sqrt(believed.deviation**2 + passed**2 / 12)
+    return Tones(believed.bearing, deviation, frequency, width, PEAK * grid.frame * believed.snr)
 
 
 @full_precision

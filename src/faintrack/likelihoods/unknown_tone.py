@@ -39,6 +39,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, PRNGKeyArray
 
+from faintrack.likelihoods.array_field import COHERENT
 from faintrack.likelihoods.interpolation import Neighbours, neighbours, read_plane
 from faintrack.likelihoods.tone_field import Tones, beside, coherence, level_of, tone_of
 from faintrack.likelihoods.tone_proposal import where_tones_stand
@@ -53,11 +54,8 @@ ALIKE_BINS = 1.5
 HIDDEN = 1e-3
 """Share of a wave that is left beside others up to which nothing is said of it."""
 
-COHERENT = 0.5
-"""Coherence from which on two directions are alike."""
 
-
-class Heard(NamedTuple):
+class BeamOutput(NamedTuple):
     """What is read of a scan at some states.
 
     Attributes
@@ -67,7 +65,7 @@ class Heard(NamedTuple):
     noise : R / M.
     references : n.
     energy, dimensions : E, and M'.
-    told : whether anything is said there.
+    valid : whether anything is said there.
     place : among the frequencies of the grid.
     """
 
@@ -77,7 +75,7 @@ class Heard(NamedTuple):
     references: Float[Array, " point"]
     energy: Float[Array, " point"]
     dimensions: Float[Array, " point"]
-    told: Bool[Array, " point"]
+    valid: Bool[Array, " point"]
     place: Float[Array, " point"]
 
 
@@ -94,10 +92,10 @@ class Closely(eqx.Module):
 
     def log_ratio(self, states: ToneState) -> Float[Array, " point"]:
         """The module's last expression."""
-        heard = self.likelihood.heard(self.scan, states)
-        near = self.likelihood.in_white(self.scan, heard, together=True)
+        output = self.likelihood.output(self.scan, states)
+        near = self.likelihood.in_white(self.scan, output, together=True)
         likeliest = jnp.argmax(near)
-        return jnp.minimum(_in_beam(heard), near)[likeliest] + near - near[likeliest]
+        return jnp.minimum(_in_beam(output), near)[likeliest] + near - near[likeliest]
 
 
 class UnknownTone(eqx.Module):
@@ -133,14 +131,14 @@ class UnknownTone(eqx.Module):
         states : `bearing`, `frequency` and `snr_db` are read; frequencies beyond the grid's at its ends.
         """
         shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in (states.bearing, states.frequency, states.snr_db)))
-        heard = self.heard(scan, states)
-        return jnp.minimum(_in_beam(heard), self.in_white(scan, heard)).reshape(shape)
+        output = self.output(scan, states)
+        return jnp.minimum(_in_beam(output), self.in_white(scan, output)).reshape(shape)
 
     def zoomed(self, scan: ToneScan, states: ToneState, log_weights: Float[Array, " point"]) -> Closely:
         """What a scan says near a belief, of all channels (the module's text)."""
         return Closely(self, scan)
 
-    def heard(self, scan: ToneScan, states: ToneState) -> Heard:
+    def output(self, scan: ToneScan, states: ToneState) -> BeamOutput:
         """What is read of a scan at some states, in one row.
 
         The background is that of the nearest frequency of the grid.
@@ -179,26 +177,26 @@ class UnknownTone(eqx.Module):
         own = _squared(along) / jnp.where(some, gain, 1)
         noise = read_plane(scan.noise, *self._beside(place, bearing)) / jnp.maximum(scan.channels, 1)
         references = self._at(scan.references, place)
-        told = (scan.channels >= 2) & some & (noise > 0) & (references > 0)
+        valid = (scan.channels >= 2) & some & (noise > 0) & (references > 0)
         louder = level_of(self.grid, snr_db) * gain
-        return Heard(own, louder, noise, references, jnp.maximum(energy, own), dimensions, told, place)
+        return BeamOutput(own, louder, noise, references, jnp.maximum(energy, own), dimensions, valid, place)
 
-    def in_white(self, scan: ToneScan, heard: Heard, together: bool = False) -> Float[Array, " point"]:
+    def in_white(self, scan: ToneScan, output: BeamOutput, together: bool = False) -> Float[Array, " point"]:
         """Log ratio in noise that is independent between channels (the module's second equation).
 
         Parameters
         ----------
-        scan, heard : what is read of it.
+        scan, output : what is read of it.
         together : whether all points have one noise: what differs between bins would move a loud tone.
         """
-        around = self._at(scan.energy, heard.place)
-        dimensions = heard.dimensions + scan.channels * heard.references
+        around = self._at(scan.energy, output.place)
+        dimensions = output.dimensions + scan.channels * output.references
         if together:
             around, dimensions = jnp.mean(around), jnp.mean(dimensions)
-        left = heard.energy - heard.own + around + heard.own / (1 + heard.louder)
-        left = left / jnp.where(heard.told, heard.energy + around, 1)
-        ratio = -jnp.log1p(heard.louder) - dimensions * jnp.log(jnp.where(heard.told, left, 1))
-        return jnp.where(heard.told, ratio, 0)
+        left = output.energy - output.own + around + output.own / (1 + output.louder)
+        left = left / jnp.where(output.valid, output.energy + around, 1)
+        ratio = -jnp.log1p(output.louder) - dimensions * jnp.log(jnp.where(output.valid, left, 1))
+        return jnp.where(output.valid, ratio, 0)
 
     def part(self, scan: ToneScan, states: ToneState, log_weights: Float[Array, " point"]) -> Tones:
         """A tone, see `faintrack.likelihoods.tone_field`."""
@@ -262,9 +260,9 @@ def _squared(values: Complex[Array, "*points"]) -> Float[Array, "*points"]:
     return values.real**2 + values.imag**2
 
 
-def _in_beam(heard: Heard) -> Float[Array, " point"]:
-    """Log ratio from what is heard in the beam."""
-    left = heard.noise + heard.own / (1 + heard.louder)
-    left = left / jnp.where(heard.told, heard.own + heard.noise, 1)
-    ratio = -jnp.log1p(heard.louder) - (1 + heard.references) * jnp.log(jnp.where(heard.told, left, 1))
-    return jnp.where(heard.told, ratio, 0)
+def _in_beam(output: BeamOutput) -> Float[Array, " point"]:
+    """Log ratio from the output of the beam alone."""
+    left = output.noise + output.own / (1 + output.louder)
+    left = left / jnp.where(output.valid, output.own + output.noise, 1)
+    ratio = -jnp.log1p(output.louder) - (1 + output.references) * jnp.log(jnp.where(output.valid, left, 1))
+    return jnp.where(output.valid, ratio, 0)

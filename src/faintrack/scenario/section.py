@@ -121,6 +121,19 @@ def models_of(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from models_of(part)
 
 
+def require_sector(ends: tuple[float, float] | None) -> None:
+    """Refuse a sector whose bearings are the same or beyond a turn; none is all around.
+
+    Raises
+    ------
+    ValueError : for a validator.
+    """
+    if ends is not None and (max(map(abs, ends)) > 360 or (ends[1] - ends[0]) % 360 == 0):
+        raise ValueError(
+            f"sector_deg goes from {ends[0]:g} to {ends[1]:g} degrees: expected two different bearings, -360 to 360"
+        )
+
+
 def validated(model: type[Any], content: Any, source: object = None, folder: Path | None = None) -> Any:
     """Section of some content.
 

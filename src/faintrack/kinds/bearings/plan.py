@@ -8,20 +8,18 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Float
 
-from faintrack.beliefs.belief import Belief
 from faintrack.data.bearings import Bearings
 from faintrack.errors import naming
 from faintrack.kinds.bearings.build import build_sensor, build_tracker, chosen
 from faintrack.kinds.bearings.sections import BearingsScenario
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
-from faintrack.kinds.several import Tracker, with_targets
-from faintrack.numerics.precision import full_precision
+from faintrack.kinds.sets import SetsStep
+from faintrack.kinds.several import with_targets
 from faintrack.results.schema import NORTH, estimated, planar
 from faintrack.sensors.several_sets import SeveralSets
 from faintrack.signal.bearing_sets import in_sets
@@ -31,30 +29,6 @@ BLOCK_SCANS = 64
 
 NEAR = 0.1
 """How near a track must be to a known target to be one of it, over the size of where new targets are looked for."""
-
-
-class BearingsStep(eqx.Module):
-    """Sets of bearings through a tracker."""
-
-    tracker: Tracker
-
-    def scans(self, block: SeveralSets) -> SeveralSets:
-        """Some scans."""
-        return block
-
-    @full_precision
-    def advance(
-        self, state: Any, scan: SeveralSets, key: PRNGKeyArray
-    ) -> tuple[Any, tuple[Any, Float[Array, "observer entry"]]]:
-        """Tracker after a scan; the estimate, and the probability of every bearing that it is the target's."""
-        following, estimate = self.tracker.step(state, scan, key)
-        likelihood: Any = self.tracker.likelihood
-
-        def own(belief: Belief) -> Float[Array, "observer entry"]:
-            return belief.existence * (likelihood.association(scan, belief.states) @ jnp.exp(belief.log_weights))
-
-        missed = jnp.prod(jnp.stack([1 - own(belief) for belief in following.beliefs]), axis=0)
-        return following, (estimate, 1 - missed)
 
 
 def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
@@ -94,7 +68,7 @@ def plan(bearings: Bearings, scenario: BearingsScenario) -> Plan:
 
     return Plan(
         scenario=with_targets(chosen(scenario), tracker),
-        step=BearingsStep(tracker),
+        step=SetsStep(tracker),
         state=begun(tracker, scenario.filter.seed),
         read=read,
         rows=rows,

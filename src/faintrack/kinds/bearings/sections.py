@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from faintrack.kinds.scenario import Scenario
 from faintrack.scenario.alarm import Alarms
 from faintrack.scenario.moving import PlanarTargets
-from faintrack.scenario.section import Pair, Section
+from faintrack.scenario.section import Pair, Section, require_sector
 from faintrack.scenario.sections import ManySection, ParticlesSection, TargetSection
 
 
@@ -51,12 +51,7 @@ class BearingsSection(Section):
 
     @model_validator(mode="after")
     def _sector(self) -> "BearingsSection":
-        if self.sector_deg is not None:
-            first, last = self.sector_deg
-            if not (-360 <= first <= 360 and -360 <= last <= 360) or (last - first) % 360 == 0:
-                raise ValueError(
-                    f"sector_deg goes from {first:g} to {last:g} degrees: expected two different bearings, -360 to 360"
-                )
+        require_sector(self.sector_deg)
         return self
 
 

@@ -11,9 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Float
 
-from faintrack.beliefs.belief import Belief
 from faintrack.data.contacts import Contacts
 from faintrack.errors import naming
 from faintrack.kinds.contacts.build import build_pairs, build_sensor, build_tracker, chosen
@@ -21,8 +20,8 @@ from faintrack.kinds.contacts.fit import Fit
 from faintrack.kinds.contacts.sections import ContactsScenario
 from faintrack.kinds.kind import Plan
 from faintrack.kinds.loop import begun
-from faintrack.kinds.several import Tracker, with_targets
-from faintrack.numerics.precision import full_precision
+from faintrack.kinds.sets import SetsStep
+from faintrack.kinds.several import with_targets
 from faintrack.results.schema import NORTH, estimated, planar
 from faintrack.sensors.contact_sets import BEARING, ContactSensor
 from faintrack.sensors.several_sets import SeveralSets
@@ -33,30 +32,6 @@ BLOCK_PINGS = 32
 
 NEAR = 0.05
 """How near a track must be to a known target to be one of it, over the size of the region."""
-
-
-class ContactsStep(eqx.Module):
-    """Contacts through a tracker."""
-
-    tracker: Tracker
-
-    def scans(self, block: SeveralSets) -> SeveralSets:
-        """Some pings."""
-        return block
-
-    @full_precision
-    def advance(
-        self, state: Any, scan: SeveralSets, key: PRNGKeyArray
-    ) -> tuple[Any, tuple[Any, Float[Array, "pair entry"]]]:
-        """Tracker after a ping; the estimate, and the probability of every contact that it is a target's."""
-        following, estimate = self.tracker.step(state, scan, key)
-        likelihood: Any = self.tracker.likelihood
-
-        def own(belief: Belief) -> Float[Array, "pair entry"]:
-            return belief.existence * (likelihood.association(scan, belief.states) @ jnp.exp(belief.log_weights))
-
-        missed = jnp.prod(jnp.stack([1 - own(belief) for belief in following.beliefs]), axis=0)
-        return following, (estimate, 1 - missed)
 
 
 def plan(contacts: Contacts, scenario: ContactsScenario) -> Plan:
@@ -101,7 +76,7 @@ def plan(contacts: Contacts, scenario: ContactsScenario) -> Plan:
 
     return Plan(
         scenario=with_targets(scenario, tracker),
-        step=ContactsStep(tracker),
+        step=SetsStep(tracker),
         state=begun(tracker, scenario.filter.seed),
         read=read,
         rows=rows,

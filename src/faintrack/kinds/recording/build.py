@@ -97,18 +97,9 @@ def build_tones(scenario: RecordingScenario, array: SensorArray, plan: ToneAnaly
     grid, table = plan.grid, scenario.target
     if scenario.heading is not None and not grid.circular:
         raise InputError("heading: the sides of a line are not told apart by tones; expected no heading.")
-    low, high = table.snr_db or default_tone_db(array, grid)
-    level = build_target(table, (low, high), grid.circular)
-    ends = (float(grid.frequency[0]), float(grid.frequency[-1]))
-    corners: tuple[Any, Any] = level.birth.low, level.birth.high
-    birth = UniformBirth(
-        *(
-            ToneState(corner.bearing, corner.bearing_rate, corner.snr_db, jnp.asarray(frequency, jnp.float32))
-            for corner, frequency in zip(corners, ends, strict=True)
-        )
-    )
-    motion = WalkingMotion(level.motion, "frequency", table.frequency_noise, *ends)
-    target = Target(birth, motion, table.arrival_rate, table.departure_rate)
+    snr_db = table.snr_db or default_tone_db(array, grid)
+    band = float(grid.frequency[0]), float(grid.frequency[-1])
+    target = build_target(table, snr_db, grid.circular, band=band)
     particles = BernoulliParticleFilter(target, scenario.filter.particles, scenario.filter.births)
     return build_several(particles, UnknownTone(grid), scenario.tracker, grid.frame, scenario.filter.guided)
 
@@ -180,9 +171,16 @@ def build_baseline(scenario: RecordingScenario, array: SensorArray, plan: Beamfo
 
 
 def build_target(
-    table: SourceTargetSection, snr_db: tuple[float, float], circular: bool, turns: bool = False
+    table: SourceTargetSection,
+    snr_db: tuple[float, float],
+    circular: bool,
+    turns: bool = False,
+    band: tuple[float, float] | None = None,
 ) -> Target:
-    """Target of a scenario on a line array's half circle, of one that turns with its side, or on the full circle."""
+    """Target of a scenario on a line array's half circle, of one that turns with its side, or on the full circle.
+
+    Of a tone the frequency is within a band.
+    """
     first, last = (-math.pi, math.pi) if circular else (0.0, math.pi)
     rate = math.radians(table.bearing_rate_deg)
     low, high = snr_db
@@ -192,6 +190,10 @@ def build_target(
     if turns and not circular:
         birth = UniformBirth(*(_corner(SidedState, *values, 0.0) for values in ends))
         return Target(birth, SidedMotion(dataclasses.replace(level, circular=True)), *rates)
+    if band is not None:
+        walk = WalkingMotion(level, "frequency", table.frequency_noise, *band)
+        corners = (_corner(ToneState, *values, frequency) for values, frequency in zip(ends, band, strict=True))
+        return Target(UniformBirth(*corners), walk, *rates)
     if table.elevation_deg is None:
         return Target(UniformBirth(*(_corner(BearingState, *values) for values in ends)), level, *rates)
     lowest, highest = (math.radians(elevation) for elevation in table.elevation_deg)
