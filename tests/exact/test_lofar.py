@@ -1,6 +1,6 @@
 """LOFAR and DEMON: levels of tones and of modulated noise, worked out by hand, and what noise alone shows."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from faintrack.data.recording import Recording, from_samples
 from faintrack.errors import InputError
 from faintrack.signal.demon import demon, envelope
-from faintrack.signal.lofar import Line, harmonics, lofar, rows_of
+from faintrack.signal.lofar import Line, Lofargram, harmonics, lofar, rows_of
 
 RATE, SECONDS = 1000.0, 100.0
 TIME = np.arange(int(RATE * SECONDS)) / RATE
@@ -155,8 +155,41 @@ def test_what_is_no_number_is_nothing() -> None:
         (lambda recording: demon(recording, (30.0, 400.0)), "rates up to 100 Hz are looked for in a band from 30"),
         (lambda recording: demon(recording, channels=[4]), "there is no channel 4; expected 0 to 0"),
         (lambda recording: demon(recording, resolution=0.001), "expected a window of 1000 s at least"),
+        (lambda recording: lofar(recording, resolution=0.0), "resolution is 0 Hz; expected more than 0"),
+        (lambda recording: demon(recording, interval=-1.0), "interval is -1 s; expected more than 0"),
+        (lambda recording: lofar(recording, (100.0, 103.0), resolution=1.0), "holds 4 bins of 1 Hz; expected 29"),
     ],
 )
 def test_what_cannot_be_is_refused(call, says: str) -> None:
     with pytest.raises(InputError, match=says):
         call(from_samples(noise(0), RATE))
+
+
+def falling(power: float) -> np.ndarray:
+    """Noise whose amplitude falls with that power of the frequency."""
+    frequency = np.fft.rfftfreq(len(TIME), 1 / RATE)
+    return np.fft.irfft(np.fft.rfft(noise(7)[:, 0]) / np.maximum(frequency, 2.0) ** power, len(TIME))[:, None]
+
+
+def loud_for_two_seconds() -> np.ndarray:
+    samples = noise(8)
+    samples[40_000:42_000] *= 30.0
+    return samples
+
+
+@pytest.mark.parametrize("record", [lofar, demon])
+@pytest.mark.parametrize(
+    "samples",
+    [falling(1.0), falling(2.0), loud_for_two_seconds(), np.zeros((len(TIME), 1)), np.full((len(TIME), 1), 3.0)],
+    ids=["falls", "falls twice as fast", "a burst", "silence", "a constant"],
+)
+def test_what_has_no_line_shows_none(record: Callable[[Recording], Lofargram], samples: np.ndarray) -> None:
+    assert record(from_samples(samples, RATE)).lines == ()
+
+
+@pytest.mark.parametrize("record", [lofar, demon])
+def test_what_is_missing_is_told(record: Callable[[Recording], Lofargram]) -> None:
+    samples = noise(9, 2)
+    samples[30_000:40_000, 1] = np.nan
+    (said,) = record(from_samples(samples, RATE)).remarks
+    assert said.startswith("10000 of 200000 samples (5 %) are missing")

@@ -38,7 +38,7 @@ def lofar(
 
     recording, channels = _read(files, channel)
     record = record_of(recording, band, resolution, interval, channels)
-    _tell(record, f"{recording.source}: spectrum over its background", out, as_json)
+    _tell(recording, record, "spectrum over its background", out, as_json)
 
 
 def demon(
@@ -61,7 +61,7 @@ def demon(
 
     recording, channels = _read(files, channel)
     record = record_of(recording, band, highest, resolution, interval, channels)
-    _tell(record, f"{recording.source}: spectrum of the envelope over its background", out, as_json)
+    _tell(recording, record, "spectrum of the envelope over its background", out, as_json)
 
 
 def _read(files: list[Path], names: list[str] | None) -> tuple[Any, list[int] | None]:
@@ -77,18 +77,22 @@ def _read(files: list[Path], names: list[str] | None) -> tuple[Any, list[int] | 
     return recording, [recording.channel_names.index(name) for name in names] if names else None
 
 
-def _tell(record: Any, title: str, out: Path | None, as_json: bool) -> None:
-    """Print the lines of a record, and write it."""
+def _tell(recording: Any, record: Any, shown: str, out: Path | None, as_json: bool) -> None:
+    """Print the lines of a record and what a reader of it must know, and write it."""
     from dataclasses import asdict
 
     from faintrack.cli.tables import print_lines
     from faintrack.results.lofargrams import save_lofargram
 
     if out is not None:
-        save_lofargram(record, out, title)
+        save_lofargram(record, out, f"{recording.source}: {shown}")
+    remarks = (*recording.remarks, *record.remarks)
     if as_json:
-        print(json.dumps({"threshold_db": record.threshold_db, "lines": [asdict(line) for line in record.lines]}))
+        lines = [asdict(line) for line in record.lines]
+        print(json.dumps({"threshold_db": record.threshold_db, "lines": lines, "remarks": remarks}))
         return
     print_lines(record)
+    for remark in remarks:
+        print(f"remark     {remark}")
     if out is not None:
         print(f"written    {out}")

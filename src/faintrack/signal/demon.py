@@ -14,12 +14,13 @@ block to block, so that the cut of a recording into blocks changes nothing.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from faintrack.data.recording import Recording
-from faintrack.errors import InputError
-from faintrack.signal.lofar import Lofargram, record_of, window_samples
+from faintrack.errors import InputError, naming
+from faintrack.signal.lofar import Chosen, Lofargram, record_of, require_steps, require_window, window_samples
 
 HIGHEST = 100.0
 """Rate up to which lines are looked for, where none is given; Hz."""
@@ -41,7 +42,7 @@ def envelope(
 
     Parameters
     ----------
-    blocks : consecutive samples (time, channel), of any lengths; what is not finite is taken for 0.
+    blocks : consecutive samples (time, channel), of any lengths.
     sample_rate : Hz.
     band : lowest and highest frequency that pass; Hz.
     every : samples of the recording to one of the envelope, at least 2.
@@ -61,7 +62,7 @@ def envelope(
     states: list[np.ndarray] | None = None
     phase = 0
     for block in blocks:
-        samples = np.nan_to_num(np.asarray(block, float), posinf=0.0, neginf=0.0)
+        samples = np.asarray(block, float)
         if states is None:
             states = [np.zeros((len(each), 2, samples.shape[1])) for each in (passing, smoothing)]
         passed, states[0] = sosfilt(passing, samples, axis=0, zi=states[0])
@@ -114,22 +115,18 @@ def demon(
             f"{recording.source}: rates up to {highest:g} Hz are looked for in a band from {band[0]:g} to {band[1]:g} "
             "Hz; expected a band that is as wide and begins as high at least."
         )
-    wrong = [number for number in channels or () if not 0 <= number < recording.channels]
-    if wrong:
-        raise InputError(f"{recording.source}: there is no channel {wrong[0]}; expected 0 to {recording.channels - 1}.")
+    require_steps(recording, resolution, interval)
     every = max(2, int(rate / (2 * MARGIN * highest)))
     slow = rate / every
     window = window_samples(slow, (0.0, highest), highest / 500 if resolution is None else resolution)
-    if recording.length < window * every:
-        raise InputError(
-            f"{recording.source} lasts {recording.duration:.4g} s; expected a window of {window / slow:.4g} s at "
-            "least, or a coarser resolution."
+    require_window(recording, window / slow)
+    with naming(recording.source):
+        samples = Chosen(recording, channels)
+        powers = _modulation(
+            envelope(samples.blocks(max(1, round(BLOCK * rate))), rate, band, every), max(1, round(slow))
         )
-    blocks: Iterable[np.ndarray] = recording.blocks(max(1, round(BLOCK * rate)))
-    if channels is not None:
-        blocks = (block[:, list(channels)] for block in blocks)
-    powers = _modulation(envelope(blocks, rate, band, every), max(1, round(slow)))
-    return record_of(powers, slow, recording.duration, window, (0.0, highest), interval)
+        record = record_of(powers, slow, recording.duration, window, (0.0, highest), interval)
+    return replace(record, remarks=samples.remarks())
 
 
 def _modulation(powers: Iterable[np.ndarray], settled: int) -> Iterator[np.ndarray]:

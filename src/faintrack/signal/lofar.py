@@ -10,8 +10,10 @@ ratio of it to a background that a **split window** along frequency tells: the m
 guard that the main lobe of a line does not pass. Lines within the window would raise it for their neighbours: bins that
 noise hardly reaches above the mean are replaced by it, and the mean is taken again.
 
-**Lines** are maxima of the mean of all rows that noise passes with a small probability. In noise the mean of K windows
-is a gamma variable, and its ratio to the mean of B bins has the F distribution of 2 K and 2 K B degrees of freedom.
+**Lines** are maxima of the mean of all rows that noise passes with a small probability, each row over its background,
+so that one in which something was loud counts as any other. In noise the mean of K windows is a gamma variable, and its
+ratio to the mean of B bins has the F distribution of 2 K and 2 K B degrees of freedom. A line stands above either side:
+on a slope of the spectrum, and within a guard of the ends of the band, there is none.
 Windows that overlap by a half, with w that of Hann, correlate by 1/6 in amplitude: K of them are
 :math:`K / (1 + 2 / 36)` independent ones (Welch, *The use of fast Fourier transform for the estimation of power
 spectra*, 1967). Channels are not counted as independent, since low noise is common to them. Lines at whole multiples of
@@ -25,12 +27,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.stats import f as fisher
 from scipy.stats import gamma
 
 from faintrack.data.recording import Recording
-from faintrack.errors import InputError
+from faintrack.errors import InputError, naming
 from faintrack.signal.matched_filter import split_sums
 
 BINS = 2000
@@ -50,6 +52,9 @@ OVERLAP = 1 + 2 / 36
 
 CHANCE = 1e-2
 """Probability that noise alone shows any line in a record."""
+
+ROUNDED = 1e-15
+"""Share of the power of a spectrum that rounding leaves in a bin."""
 
 HARMONICS, FEWEST = 40, 3
 """Of one fundamental: highest number that is looked for, and lines that make a series."""
@@ -100,6 +105,7 @@ class Lofargram:
     mean_db : that of the mean of all rows.
     threshold_db : that lines pass.
     lines : by frequency.
+    remarks : what was missing; one sentence each.
     """
 
     times: Float[np.ndarray, " time"]
@@ -108,6 +114,7 @@ class Lofargram:
     mean_db: Float[np.ndarray, " frequency"]
     threshold_db: float
     lines: tuple[Line, ...]
+    remarks: tuple[str, ...] = ()
 
 
 def window_samples(sample_rate: float, band: tuple[float, float], resolution: float | None) -> int:
@@ -127,7 +134,7 @@ def rows_of(blocks: Iterable[np.ndarray], sample_rate: float, window: int, windo
 
     Parameters
     ----------
-    blocks : consecutive samples (time, channel), of any lengths; what is not finite is taken for 0.
+    blocks : consecutive samples (time, channel), of any lengths.
     sample_rate : Hz.
     window : samples of a window, even; from one to the next is half of it.
     windows : of a row; the last may have fewer.
@@ -144,7 +151,7 @@ def rows_of(blocks: Iterable[np.ndarray], sample_rate: float, window: int, windo
         return Row(time, power / (count * held.shape[1]), count)
 
     for block in blocks:
-        samples = np.nan_to_num(np.asarray(block, float), posinf=0.0, neginf=0.0)
+        samples = np.asarray(block, float)
         held = samples if held is None else np.concatenate([held, samples])
         start = 0
         while len(held) - start >= window:
@@ -174,12 +181,41 @@ def background(power: Float[np.ndarray, "*row frequency"], windows: float) -> Fl
     >>> background(power, 50.0).round(3).tolist() == [1.0] * 100
     True
     """
+    total, cells = split_sums(without_lines(power, windows), GUARD, WINDOW)
+    return np.asarray(total / np.maximum(cells, 1))
+
+
+def without_lines(power: Float[np.ndarray, "*row frequency"], windows: float) -> Float[np.ndarray, "*row frequency"]:
+    """Power in which bins that noise hardly reaches are replaced by the mean around them.
+
+    Parameters
+    ----------
+    power, windows : as of `background`.
+    """
     limit, level = gamma.isf(LOUD, windows) / windows, power
-    for _ in range(PASSES):
+    for _ in range(PASSES - 1):
         total, cells = split_sums(level, GUARD, WINDOW)
         mean = total / np.maximum(cells, 1)
         level = np.where(power > limit * mean, mean, power)
-    return np.asarray(mean)
+    return level
+
+
+def higher_side(power: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
+    """Mean power of the louder side of every bin; infinite where one has no `GUARD` bins, and a slope may be a line.
+
+    Examples
+    --------
+    >>> higher_side(np.arange(1.0, 21.0))[[0, 7, 8, 19]].tolist()
+    [inf, inf, 17.0, inf]
+    """
+    count, sums = len(power), np.concatenate([[0.0], np.cumsum(power)])
+    cell = np.arange(count)
+    means = []
+    for first, last in ((cell - GUARD - WINDOW, cell - GUARD), (cell + GUARD + 1, cell + GUARD + WINDOW + 1)):
+        first, last = np.clip(first, 0, count), np.clip(last, 0, count)
+        cells = last - first
+        means.append(np.where(cells >= GUARD, (sums[last] - sums[first]) / np.maximum(cells, 1), np.inf))
+    return np.maximum(*means)
 
 
 def lofar(
@@ -201,7 +237,8 @@ def lofar(
 
     Raises
     ------
-    InputError : a band that is none or goes beyond half the sample rate, a recording that is shorter than a window.
+    InputError : a band that is none or goes beyond half the sample rate, a recording that is shorter than a window;
+        steps that are not above 0, a channel that there is not.
 
     Examples
     --------
@@ -219,19 +256,75 @@ def lofar(
             f"{recording.source}: the band goes from {band[0]:g} to {band[1]:g} Hz; expected the lower end first, "
             f"from 0 to half the sample rate, {rate / 2:g} Hz."
         )
-    wrong = [number for number in channels or () if not 0 <= number < recording.channels]
-    if wrong:
-        raise InputError(f"{recording.source}: there is no channel {wrong[0]}; expected 0 to {recording.channels - 1}.")
+    require_steps(recording, resolution, interval)
     window = window_samples(rate, band, resolution)
-    if recording.length < window:
+    require_window(recording, window / rate)
+    with naming(recording.source):
+        samples = Chosen(recording, channels)
+        record = record_of(samples.blocks(max(window, round(rate))), rate, recording.duration, window, band, interval)
+    return replace(record, remarks=samples.remarks())
+
+
+class Chosen:
+    """Samples of some channels as they come, and how many of them were missing.
+
+    Parameters
+    ----------
+    recording : any.
+    channels : numbers of those that are taken; all where None.
+
+    Raises
+    ------
+    InputError : there is no such channel.
+    """
+
+    def __init__(self, recording: Recording, channels: Sequence[int] | None) -> None:
+        wrong = [number for number in channels or () if not 0 <= number < recording.channels]
+        if wrong:
+            raise InputError(f"there is no channel {wrong[0]}; expected 0 to {recording.channels - 1}.")
+        self.recording, self.channels = recording, channels
+        self.count, self.missing = 0, 0
+
+    def blocks(self, length: int) -> Iterator[Float[np.ndarray, "sample channel"]]:
+        """Consecutive samples, so many at a time; those that are missing are 0."""
+        for block in self.recording.blocks(length):
+            samples = np.asarray(block if self.channels is None else block[:, list(self.channels)], float)
+            there = np.isfinite(samples)
+            self.count, self.missing = self.count + samples.size, self.missing + int(samples.size - there.sum())
+            yield np.where(there, samples, 0.0)
+
+    def remarks(self) -> tuple[str, ...]:
+        """What was missing of the samples that have come; one sentence."""
+        if not self.missing:
+            return ()
+        share = 100 * self.missing / self.count
+        return (f"{self.missing} of {self.count} samples ({share:.3g} %) are missing and were taken for silence.",)
+
+
+def require_steps(recording: Recording, resolution: float | None, interval: float | None) -> None:
+    """Refuse steps of a record that are none.
+
+    Raises
+    ------
+    InputError : resolution or interval is not above 0.
+    """
+    for name, unit, value in (("resolution", "Hz", resolution), ("interval", "s", interval)):
+        if value is not None and not 0 < value < np.inf:
+            raise InputError(f"{recording.source}: {name} is {value:g} {unit}; expected more than 0.")
+
+
+def require_window(recording: Recording, seconds: float) -> None:
+    """Refuse a recording that is shorter than a window.
+
+    Raises
+    ------
+    InputError : it is.
+    """
+    if recording.duration < seconds:
         raise InputError(
-            f"{recording.source} lasts {recording.duration:.4g} s; expected a window of {window / rate:.4g} s at "
+            f"{recording.source} lasts {recording.duration:.4g} s; expected a window of {seconds:.4g} s at "
             "least, or a coarser resolution."
         )
-    blocks: Iterable[np.ndarray] = recording.blocks(max(window, round(rate)))
-    if channels is not None:
-        blocks = (block[:, list(channels)] for block in blocks)
-    return record_of(blocks, rate, recording.duration, window, band, interval)
 
 
 def record_of(
@@ -249,6 +342,10 @@ def record_of(
     blocks, sample_rate, window : as of `rows_of`.
     duration : of all samples; s.
     band, interval : as of `lofar`.
+
+    Raises
+    ------
+    InputError : the band holds too few bins to tell a line from its background.
     """
     step = duration / ROWS if interval is None else interval
     windows = max(1, round(step * sample_rate / (window // 2)))
@@ -256,19 +353,27 @@ def record_of(
     # Neither the constant nor half the sample rate is a frequency like others.
     kept = np.flatnonzero((frequency >= band[0]) & (frequency <= band[1]))
     kept = kept[(kept > 1) & (kept < window // 2 - 1)]
+    if len(kept) <= GUARD + WINDOW:
+        raise InputError(
+            f"the band from {band[0]:g} to {band[1]:g} Hz holds {len(kept)} bins of {sample_rate / window:.4g} Hz; "
+            f"expected {GUARD + WINDOW + 1} to tell a line from what is around it: a wider band or a finer resolution."
+        )
     times, powers, weights = [], [], []
     for row in rows_of(blocks, sample_rate, window, windows):
         times.append(row.time)
-        powers.append(row.power[kept].astype(np.float32))
+        # Below it there is nothing but rounding: a constant has no lines.
+        powers.append(np.maximum(row.power[kept], ROUNDED * row.power.sum()).astype(np.float32))
         weights.append(row.windows)
     power, weight = np.asarray(powers, float), np.asarray(weights, float)
     tiny = np.finfo(float).tiny
     level = power / np.maximum(background(power, max(windows / OVERLAP, 1.0)), tiny)
     total = max(weight.sum() / OVERLAP, 1.0)
-    mean = weight @ power / weight.sum()
+    # Of levels, not of powers: a row in which something was loud counts as any other.
+    mean = weight @ level / weight.sum()
     mean_level = mean / np.maximum(background(mean, total), tiny)
     threshold = float(fisher.isf(CHANCE / len(kept), 2 * total, 2 * total * 2 * WINDOW))
-    found = harmonics(lines_of(mean_level, frequency[kept], threshold), sample_rate / window)
+    above = mean > threshold * higher_side(without_lines(mean, total))
+    found = harmonics(lines_of(mean_level, frequency[kept], threshold, above), sample_rate / window)
     return Lofargram(
         np.asarray(times),
         frequency[kept],
@@ -280,7 +385,10 @@ def record_of(
 
 
 def lines_of(
-    level: Float[np.ndarray, " frequency"], frequency: Float[np.ndarray, " frequency"], threshold: float
+    level: Float[np.ndarray, " frequency"],
+    frequency: Float[np.ndarray, " frequency"],
+    threshold: float,
+    above: Bool[np.ndarray, " frequency"],
 ) -> tuple[Line, ...]:
     """Maxima of a level above a threshold, no two in one main lobe; the frequency from a parabola through three bins.
 
@@ -289,9 +397,10 @@ def lines_of(
     level : power over the background; linear.
     frequency : of the bins, evenly spaced; Hz.
     threshold : linear.
+    above : bins that are lines whichever side they are compared with.
     """
     lines, log = [], np.log(np.maximum(level, 1e-30))
-    for bin_ in np.flatnonzero(level > threshold):
+    for bin_ in np.flatnonzero((level > threshold) & above):
         around = log[max(bin_ - 2, 0) : bin_ + 3]
         if log[bin_] < around.max():
             continue
