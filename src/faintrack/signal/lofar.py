@@ -181,41 +181,38 @@ def background(power: Float[np.ndarray, "*row frequency"], windows: float) -> Fl
     >>> background(power, 50.0).round(3).tolist() == [1.0] * 100
     True
     """
-    total, cells = split_sums(without_lines(power, windows), GUARD, WINDOW)
-    return np.asarray(total / np.maximum(cells, 1))
-
-
-def without_lines(power: Float[np.ndarray, "*row frequency"], windows: float) -> Float[np.ndarray, "*row frequency"]:
-    """Power in which bins that noise hardly reaches are replaced by the mean around them.
-
-    Parameters
-    ----------
-    power, windows : as of `background`.
-    """
     limit, level = gamma.isf(LOUD, windows) / windows, power
-    for _ in range(PASSES - 1):
+    for _ in range(PASSES):
         total, cells = split_sums(level, GUARD, WINDOW)
         mean = total / np.maximum(cells, 1)
         level = np.where(power > limit * mean, mean, power)
-    return level
+    return np.asarray(mean)
 
 
-def higher_side(power: Float[np.ndarray, " frequency"]) -> Float[np.ndarray, " frequency"]:
-    """Mean power of the louder side of every bin; infinite where one has no `GUARD` bins, and a slope may be a line.
+def higher_side(power: Float[np.ndarray, " frequency"], windows: float) -> Float[np.ndarray, " frequency"]:
+    """Power of the louder side of every bin; infinite where one has no `GUARD` bins, and a slope may be a line.
+
+    By the median, which a line among them does not move, and which takes nothing from a slope.
+
+    Parameters
+    ----------
+    power : mean over some windows.
+    windows : that are as good as independent.
 
     Examples
     --------
-    >>> higher_side(np.arange(1.0, 21.0))[[0, 7, 8, 19]].tolist()
+    >>> higher_side(np.arange(1.0, 21.0), 1e6)[[0, 7, 8, 19]].round(2).tolist()
     [inf, inf, 17.0, inf]
     """
-    count, sums = len(power), np.concatenate([[0.0], np.cumsum(power)])
-    cell = np.arange(count)
-    means = []
-    for first, last in ((cell - GUARD - WINDOW, cell - GUARD), (cell + GUARD + 1, cell + GUARD + WINDOW + 1)):
-        first, last = np.clip(first, 0, count), np.clip(last, 0, count)
-        cells = last - first
-        means.append(np.where(cells >= GUARD, (sums[last] - sums[first]) / np.maximum(cells, 1), np.inf))
-    return np.maximum(*means)
+    count, sides = len(power), []
+    padded = np.pad(power, GUARD + WINDOW, constant_values=np.nan)
+    around = np.lib.stride_tricks.sliding_window_view(padded, WINDOW)
+    for first in (0, 2 * GUARD + WINDOW + 1):
+        side = around[first : first + count]
+        enough = np.isfinite(side).sum(axis=1) >= GUARD
+        middle = np.nanmedian(np.where(enough[:, None], side, 0.0), axis=1)
+        sides.append(np.where(enough, middle, np.inf))
+    return np.maximum(*sides) * windows / gamma.median(windows)
 
 
 def lofar(
@@ -372,7 +369,7 @@ def record_of(
     mean = weight @ level / weight.sum()
     mean_level = mean / np.maximum(background(mean, total), tiny)
     threshold = float(fisher.isf(CHANCE / len(kept), 2 * total, 2 * total * 2 * WINDOW))
-    above = mean > threshold * higher_side(without_lines(mean, total))
+    above = mean > threshold * higher_side(mean, total)
     found = harmonics(lines_of(mean_level, frequency[kept], threshold, above), sample_rate / window)
     return Lofargram(
         np.asarray(times),
